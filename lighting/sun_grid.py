@@ -202,7 +202,7 @@ def bayes_direction(probability: ArrayLike, layout: str) -> Floats:
     cells, lobes = grid_directions(layout), _lobe_elevations()
     candidates = np.argpartition(p, -min(_CANDIDATE_CELLS, len(p)))[-_CANDIDATE_CELLS:]
     candidates = candidates[p[candidates] >= _MIN_CANDIDATE_SHARE * p.max()]
-    center = candidates[int(np.argmin(_bounded_errors(layout)[candidates] @ p.astype(np.float32)))]
+    center = candidates[int(np.argmin(_bounded_errors(cells[candidates], cells) @ p.astype(np.float32)))]
     distance = angle_between(cells, cells[center])
     biweight = np.maximum(1.0 - (distance / _REFINEMENT_ANGLE) ** 2, 0.0) ** 2
     azimuth, elevation = angles((p * biweight) @ cells)
@@ -223,11 +223,9 @@ def _lobe_elevations() -> tuple[Floats, Floats]:
     return sun + _TARGET_STD * density / np.array(kept), sun
 
 
-@lru_cache(maxsize=8)
-def _bounded_errors(layout: str) -> NDArray[np.float32]:
-    """Angles [deg] (N, N) between cells, at most _MAX_ERROR."""
-    cells = grid_directions(layout).astype(np.float32)
-    cosine = np.clip(cells @ cells.T, np.float32(-1), np.float32(1))
+def _bounded_errors(directions: Floats, cells: Floats) -> NDArray[np.float32]:
+    """Angles [deg] (C, N) between directions (C, 3) and cells (N, 3), at most _MAX_ERROR."""
+    cosine = np.clip(directions.astype(np.float32) @ cells.astype(np.float32).T, np.float32(-1), np.float32(1))
     return np.asarray(np.minimum(np.degrees(np.arccos(cosine)), np.float32(_MAX_ERROR)))
 
 
