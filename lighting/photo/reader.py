@@ -7,6 +7,7 @@ picture behind it. A damaged EXIF block or colour profile never rejects a photo.
 """
 
 import os
+import struct
 import threading
 import warnings
 from collections.abc import Mapping
@@ -382,6 +383,13 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
 
 def _open_image(data: bytes) -> Image.Image:
     """The picture of a file, not decoded; HEIC and AVIF are ISO media files, whose boxes are another module's."""
+    if data.startswith(b"\xff\xd8\xff"):
+        from PIL.JpegImagePlugin import jpeg_factory  # Image.open would import the plugins of four other formats
+
+        try:
+            return jpeg_factory(BytesIO(data))
+        except (SyntaxError, IndexError, TypeError, struct.error) as error:  # as Image.open does
+            raise UnidentifiedImageError(str(error)) from error
     if data[4:8] != b"ftyp":
         return Image.open(BytesIO(data), formats=_FORMATS)
     from lighting.photo.formats import open_heif

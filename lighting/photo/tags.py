@@ -295,7 +295,7 @@ def _read_xmp(packet: Any) -> dict[str, str]:
     Args:
         packet: bytes of XML.
     """
-    if not isinstance(packet, bytes) or len(packet) > _MAX_XMP_BYTES:
+    if not packet or not isinstance(packet, bytes) or len(packet) > _MAX_XMP_BYTES:
         return {}
     from xml.parsers import expat
 
