@@ -16,6 +16,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from lighting.errors import ModelError
 from lighting.runtime import keep_memory
 
 if TYPE_CHECKING:
@@ -53,10 +54,9 @@ class _EarlySession:
         from lighting.onnx_session import create_session, import_onnxruntime, packaged_network
 
         import_onnxruntime()  # here, for two threads that import wait for each other
+        file = packaged_network(_DATA, "outdoor")
         self.thread = ThreadPoolExecutor(1)
-        self.session = self.thread.submit(
-            lambda: create_session(packaged_network(_DATA, "outdoor"), 0, for_one_run=True)
-        )
+        self.session = self.thread.submit(create_session, file, 0, for_one_run=True)
 
 
 _started: list[_EarlySession] = []
@@ -75,7 +75,8 @@ def start_network(arguments: Sequence[str]) -> None:
         return
     if _count_photos(others) > 1:  # which take a network prepared for many runs
         return
-    _started.append(_EarlySession())
+    with suppress(ModelError):  # which is raised where the network is needed
+        _started.append(_EarlySession())
 
 
 def _count_photos(arguments: Sequence[str]) -> int:

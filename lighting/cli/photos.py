@@ -165,9 +165,10 @@ def estimate_photo(
     from lighting.photo.reader import read_photo
 
     with exit_on_interrupt(), network_thread() as thread:
+        networks = _PhotoNetworks(model)
         decoded = thread.submit(read_photo, data, path=path_of(name))
-        prediction = thread.submit(_predict, model, decoded)
-        segments = thread.submit(_segment, decoded)
+        prediction = thread.submit(networks.predict, decoded)
+        segments = thread.submit(networks.segment, decoded)
         thread.submit(release_memory)
         from lighting.estimator import estimate_from_prediction
         from lighting.fusion.estimate import refine_prediction
@@ -178,9 +179,24 @@ def estimate_photo(
         return picture, estimate_from_prediction(picture, predicted, segments.result(), user_input)
 
 
-def _predict(model: str | None, decoded: "Future[Photo]") -> "Prediction":
-    """What the network that estimates the light says; on return it is gone, and its memory is the next one's."""
-    return _load_for_one_photo(model).predict_one(decoded.result())
+class _PhotoNetworks:
+    """The networks of one photo; the second is loaded after the first is gone."""
+
+    def __init__(self, model: str | None) -> None:
+        self._file = model
+        self._model: Model | None = None
+
+    def predict(self, decoded: "Future[Photo]") -> "Prediction":
+        """Return what the network that estimates the light says."""
+        self._model = _load_for_one_photo(self._file)
+        return self._model.predict_one(decoded.result())
+
+    def segment(self, decoded: "Future[Photo]") -> "Segments":
+        """Return what the other network says that the photo shows."""
+        from lighting.segmentation import packaged_segmenter
+
+        self._model = None
+        return packaged_segmenter()(decoded.result().pixels)
 
 
 def _load_for_one_photo(model: str | None) -> "Model":
@@ -191,9 +207,3 @@ def _load_for_one_photo(model: str | None) -> "Model":
     if started is None:
         return Model.load(model, for_one_photo=True)
     return Model.from_session(started, packaged_model())
-
-
-def _segment(decoded: "Future[Photo]") -> "Segments":
-    from lighting.segmentation import packaged_segmenter
-
-    return packaged_segmenter()(decoded.result().pixels)

@@ -1,9 +1,7 @@
 """The commands that start the service, as a process of its own: `open` with a browser, `serve` without."""
 
-import http.client
 import json
 import os
-import secrets
 import signal
 import socket
 import subprocess
@@ -46,6 +44,8 @@ def _open(photo: Path | None, as_json: bool, quiet: bool) -> None:
     The page and its service run on this machine alone, on a free port. PHOTO is shown only to
     those who know the secret in the address. Ctrl-C ends them.
     """
+    import secrets  # as `http.client` below
+
     port, secret = _find_free_port(), secrets.token_urlsafe()
     url = f"http://{_LOOPBACK}:{port}/"
     settings = {"LIGHTING_HOST": _LOOPBACK, "LIGHTING_PORT": str(port), **_log_level("error" if quiet else "warning")}
@@ -144,6 +144,8 @@ def _report_page(url: str, photo: Path | None, opened: bool) -> None:
 
 def _wait_until_listening(process: "subprocess.Popen[bytes]", host: str, port: int) -> bool:
     """Whether the service answers; False when it has ended or takes too long."""
+    import http.client  # 12 ms, which the help is spared
+
     deadline = time.monotonic() + _START_SECONDS
     while process.poll() is None and time.monotonic() < deadline:
         connection = http.client.HTTPConnection(host, port, timeout=_START_SECONDS)

@@ -11,6 +11,7 @@ import pytest
 import lighting.start as start_module
 from lighting.errors import ModelError
 from lighting.model import Model, packaged_model
+from lighting.onnx_session import packaged_network
 from lighting.start import silence_libraries, start_network, started_session
 from tests.helpers.processes import LIGHTING, run_command
 
@@ -87,8 +88,9 @@ def test_what_keeps_the_network_from_loading_is_said_when_it_is_needed(
 ) -> None:
     monkeypatch.setattr(start_module, "_DATA", tmp_path)
     start_network(["estimate", str(photo_path)])
+    assert started_session() is None
     with pytest.raises(ModelError, match="it holds 0"):
-        started_session()
+        packaged_network(tmp_path, "outdoor")
 
 
 @pytest.mark.slow
