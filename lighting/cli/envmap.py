@@ -295,10 +295,13 @@ def _context_of_record(
 
 
 def _import_renderer() -> None:
-    """Import what renders maps and writes EXR files."""
+    """Import what renders maps and writes EXR files, and read the library of detail."""
     import lighting.envmap.surroundings
     import lighting.files.exr
     import lighting.light_probe  # noqa: F401 - all three
+    from lighting.envmap.detail_library import load_detail_library
+
+    load_detail_library()
 
 
 def _map_context(photo: EstimatedPhoto, height: int, surroundings: bool | None, detail: bool) -> "PhotoContext | None":

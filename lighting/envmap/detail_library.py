@@ -78,7 +78,7 @@ class _DetailLibrary:
 
 
 @dataclass(frozen=True)
-class DetailChoice:
+class _DetailChoice:
     """A panorama of the library, perhaps flipped, and rotated afterwards."""
 
     index: int
@@ -93,7 +93,7 @@ class DetailChoice:
 class DetailSource:
     """What is chosen for a photo: a panorama of the library, and how colorful it may be."""
 
-    choice: DetailChoice
+    choice: _DetailChoice
     """What the detail is taken from."""
     saturation: float
     """Factor, 0 or more, on the detail's color."""
@@ -116,7 +116,7 @@ class PhotoFeatures:
 
 
 @lru_cache(maxsize=1)
-def _load_detail_library() -> _DetailLibrary:
+def load_detail_library() -> _DetailLibrary:
     """The library in this package."""
     table, pictures = read_detail_library(LIBRARY_PATH)
     low, high = FEATURE_RANGE
@@ -184,7 +184,7 @@ def describe_photo(
     seen = np.where(count >= _MIN_SAMPLES, level, 0.0)
     broad = np.log(np.maximum(around @ LUMINANCE_WEIGHTS, 1e-3))
     target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
-    weight = feature_weights(seen, level, segments is not None)
+    weight = _feature_weights(seen, level, segments is not None)
     saturation, azimuth = _saturation(flat), lighting.sun_azimuth if lighting.sun_shines else None
     return PhotoFeatures(target, weight, azimuth, saturation, shows_snow(samples, lighting))
 
@@ -196,7 +196,7 @@ def _saturation(colors: Image) -> float:
     return round(min(spread / _COLORFUL, 1.0), 2)
 
 
-def feature_weights(seen: Floats, level: Floats, classes: bool = True) -> Image:
+def _feature_weights(seen: Floats, level: Floats, classes: bool = True) -> Image:
     """How much each cell counts (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
 
     Args:
@@ -237,13 +237,13 @@ def choose_source(features: PhotoFeatures) -> DetailSource:
     Args:
         features: of the photo.
     """
-    choice = choose_detail(features.target, features.weight, features.sun_azimuth, features.snow)
+    choice = _choose_detail(features.target, features.weight, features.sun_azimuth, features.snow)
     return DetailSource(choice, features.saturation)
 
 
-def choose_detail(
+def _choose_detail(
     target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: _DetailLibrary | None = None
-) -> DetailChoice:
+) -> _DetailChoice:
     """The panorama, of all rotations and both ways round, that costs least.
 
     Args:
@@ -253,18 +253,18 @@ def choose_detail(
         snow: likewise.
         library: likewise.
     """
-    library = _load_detail_library() if library is None else library
+    library = load_detail_library() if library is None else library
     return cheapest_choice(choice_costs(target, weight, sun_azimuth, snow, library) + library.cost[:, None])
 
 
-def cheapest_choice(cost: Floats) -> DetailChoice:
+def cheapest_choice(cost: Floats) -> _DetailChoice:
     """What costs least.
 
     Args:
         cost: (2, N, turns), as of `choice_costs`.
     """
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
+    return _DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
 
 
 def choice_costs(
@@ -274,12 +274,12 @@ def choice_costs(
 
     Args:
         target: (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
-        weight: as `target`, of `feature_weights`.
+        weight: as `target`, of `_feature_weights`.
         sun_azimuth: deg, of a sun that shines; None: without.
         snow: whether the photo shows snow; panoramas of snow are for such photos alone, and no others are.
         library: None is the one in this package.
     """
-    library = _load_detail_library() if library is None else library
+    library = load_detail_library() if library is None else library
     columns = 2 * FEATURE_ROWS
     turned = (np.arange(columns)[:, None] + np.arange(columns)) % columns  # (turns, columns)
     flips = [library.features, library.features[..., ::-1]]
@@ -350,8 +350,8 @@ class _DetailPicture:
         return np.asarray(part.resize((part.width, self.height), _kernel(part.height, self.height)))
 
 
-def detail_picture(
-    choice: DetailChoice, height: int, saturation: float = 1.0, library: _DetailLibrary | None = None
+def _detail_picture(
+    choice: _DetailChoice, height: int, saturation: float = 1.0, library: _DetailLibrary | None = None
 ) -> _DetailPicture:
     """The chosen panorama.
 
@@ -361,7 +361,7 @@ def detail_picture(
         saturation: 0 for grey to 1 for its own colors.
         library: None is the one in this package.
     """
-    library = _load_detail_library() if library is None else library
+    library = load_detail_library() if library is None else library
     data = io.BytesIO(library.pictures[choice.index].data)
     with WebPImagePlugin.WebPImageFile(data) as file:  # Image.open would load the plugins of all formats
         picture = file.convert("RGB")
@@ -386,7 +386,7 @@ class LibraryDetail:
 
     def __init__(self, source: DetailSource, height: int) -> None:
         self.height, blocks = height, column_blocks(height)
-        self._picture = detail_picture(source.choice, height, source.saturation)
+        self._picture = _detail_picture(source.choice, height, source.saturation)
         self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
         reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
         self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)

@@ -68,15 +68,15 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
     assert table["name"].tolist() == ["a"]
     write_detail_library(tmp_path / "detail.npy", table, pictures)
     monkeypatch.setattr(detail_library, "LIBRARY_PATH", tmp_path / "detail.npy")
-    detail_library._load_detail_library.cache_clear()
+    detail_library.load_detail_library.cache_clear()
     try:
-        library = detail_library._load_detail_library()
+        library = detail_library.load_detail_library()
     finally:
-        detail_library._load_detail_library.cache_clear()
+        detail_library.load_detail_library.cache_clear()
     assert library.names == ("a",)
     assert library.sunlit.tolist() == [True]
     assert library.sun_azimuth.tolist() == [-20.0]
-    picture = detail_library.detail_picture(detail_library.DetailChoice(0, False, 0.0), 96, library=library)
+    picture = detail_library._detail_picture(detail_library._DetailChoice(0, False, 0.0), 96, library=library)
     assert picture.columns(slice(0, 192)).shape == (96, 192, 3)
     assert np.isfinite(library.features).all()
     assert library.cost.tolist() == [0.0]

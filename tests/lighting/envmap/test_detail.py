@@ -11,11 +11,11 @@ from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_ROWS,
     FEATURES,
-    DetailChoice,
-    _load_detail_library,
-    choose_detail,
-    detail_picture,
-    feature_weights,
+    _choose_detail,
+    _detail_picture,
+    _DetailChoice,
+    _feature_weights,
+    load_detail_library,
 )
 from lighting.envmap.latlong import blur_cells, envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
 from lighting.envmap.projection import ProjectedPhoto, project_photo
@@ -201,27 +201,27 @@ def test_only_sky_and_plants_go_on_upwards() -> None:
 
 
 def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
-    library = _load_detail_library()
+    library = load_detail_library()
     azimuth, elevation = latlong_angles(FEATURE_ROWS)
     level = np.cos(np.radians(elevation))[:, None] * np.ones(len(azimuth))
     seen = level * ((np.abs(elevation) < 30)[:, None] & (np.abs(azimuth) < 40))
-    weight = feature_weights(seen, level)
+    weight = _feature_weights(seen, level)
     for index, turn in ((3, 5), (20, -11), (40, 0)):
         target = np.roll(library.features[index], turn, axis=-1)
-        assert choose_detail(target, weight, None) == DetailChoice(index, False, turn * 7.5)
-        flipped = choose_detail(target[..., ::-1], weight, None)
+        assert _choose_detail(target, weight, None) == _DetailChoice(index, False, turn * 7.5)
+        flipped = _choose_detail(target[..., ::-1], weight, None)
         assert (flipped.index, flipped.flipped) == (index, True)
 
 
 def test_a_sun_is_put_where_it_stands() -> None:
-    library = _load_detail_library()
+    library = load_detail_library()
     cells = np.zeros((len(library.features[0]), FEATURE_ROWS, 2 * FEATURE_ROWS), np.float32)
-    choice = choose_detail(cells, np.zeros_like(cells), 75.0)
+    choice = _choose_detail(cells, np.zeros_like(cells), 75.0)
     side = -1 if choice.flipped else 1
     there = (side * library.sun_azimuth[choice.index] + choice.yaw - 75.0 + 180) % 360 - 180
     assert library.sunlit[choice.index]
     assert abs(there) < 4
-    assert not library.sunlit[choose_detail(cells, np.zeros_like(cells), None).index]
+    assert not library.sunlit[_choose_detail(cells, np.zeros_like(cells), None).index]
 
 
 def shown_classes(building: float, plants: float) -> tuple[np.ndarray, np.ndarray]:
@@ -230,15 +230,15 @@ def shown_classes(building: float, plants: float) -> tuple[np.ndarray, np.ndarra
     seen = ((np.abs(elevation) < 25)[:, None] & (np.abs(azimuth) < 35)).astype(np.float64)
     target = np.zeros((len(FEATURES), *seen.shape), np.float32)
     target[FEATURES.index("building")], target[FEATURES.index("plants")] = building, plants
-    weight = feature_weights(seen, np.ones_like(seen))
+    weight = _feature_weights(seen, np.ones_like(seen))
     weight[: -len(FEATURE_CLASSES)] = 0
     return target, weight
 
 
 @pytest.mark.parametrize(("building", "plants"), [(0.0, 0.0), (0.0, 0.9), (0.9, 0.0)])
 def test_places_have_what_the_photo_shows_all_around(building: float, plants: float) -> None:
-    library = _load_detail_library()
-    features = library.features[choose_detail(*shown_classes(building, plants), None).index]
+    library = load_detail_library()
+    features = library.features[_choose_detail(*shown_classes(building, plants), None).index]
     around = {name: features[FEATURES.index(name), 9:13].mean() for name in ("building", "plants")}
     assert around["building"] == pytest.approx(building, abs=0.4 if building else 0.15)
     assert around["plants"] == pytest.approx(plants, abs=0.35 if plants else 0.25)
@@ -246,10 +246,10 @@ def test_places_have_what_the_photo_shows_all_around(building: float, plants: fl
 
 @pytest.mark.parametrize("snow", [False, True])
 def test_snow_is_for_photos_of_snow(snow: bool) -> None:
-    library = _load_detail_library()
+    library = load_detail_library()
     assert 0 < library.snow.sum() < len(library.snow) / 4
     for plants in (0.0, 0.9):
-        assert library.snow[choose_detail(*shown_classes(0.0, plants), None, snow).index] == snow
+        assert library.snow[_choose_detail(*shown_classes(0.0, plants), None, snow).index] == snow
 
 
 def test_what_is_dark_before_the_sky_has_its_own_color() -> None:
@@ -274,18 +274,18 @@ def test_the_photo_goes_on_as_bright_as_the_library() -> None:
 def test_pictures_are_rotated_and_flipped() -> None:
     everything = slice(0, 128)
     plain, turned, flipped = (
-        detail_picture(choice, 64).columns(everything).astype(int)
-        for choice in (DetailChoice(5, False, 0.0), DetailChoice(5, False, 90.0), DetailChoice(5, True, 0.0))
+        _detail_picture(choice, 64).columns(everything).astype(int)
+        for choice in (_DetailChoice(5, False, 0.0), _DetailChoice(5, False, 90.0), _DetailChoice(5, True, 0.0))
     )
     np.testing.assert_array_equal(np.roll(plain, 32, axis=1), turned)
     assert np.abs(plain[:, ::-1] - flipped).mean() < 1.0
-    grey = detail_picture(DetailChoice(5, False, 0.0), 64, saturation=0.0).columns(everything)
+    grey = _detail_picture(_DetailChoice(5, False, 0.0), 64, saturation=0.0).columns(everything)
     assert (grey[..., 0] == grey[..., 1]).all()
 
 
 @pytest.mark.parametrize("height", [96, 600])
 def test_columns_of_a_picture_are_those_of_the_whole(height: int) -> None:
-    picture = detail_picture(DetailChoice(5, False, 100.0), height)
+    picture = _detail_picture(_DetailChoice(5, False, 100.0), height)
     whole = picture.columns(slice(0, 2 * height))
     assert whole.shape == (height, 2 * height, 3)
     for columns in (slice(0, 64), slice(64, 128), slice(128, 2 * height)):
