@@ -307,22 +307,10 @@ def keep_memory(heaps: int = 1) -> None:
     Args:
         heaps: 1 takes the least memory; with 2, a thread that loads a network does not wait for one that imports.
     """
-    keep = _c_function("mallopt")
-    if keep:
+    keep = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if keep:  # musl has none
         for option, value in ((_M_ARENA_MAX, heaps), (_M_TRIM_THRESHOLD, _KEPT), (_M_MMAP_THRESHOLD, _BUFFER)):
             keep(option, value)
-
-
-def release_memory() -> None:
-    """Give freed memory back to the system, so that all threads may take it; only where the C library is glibc."""
-    release = _c_function("malloc_trim")
-    if release:
-        release(0)
-
-
-def _c_function(name: str) -> Any:
-    """A function of the C library; None where it has none, as musl, or outside Linux."""
-    return getattr(ctypes.CDLL(None), name, None) if sys.platform == "linux" else None
 
 
 def available_cpus() -> int:

@@ -10,7 +10,6 @@ import lighting.cli.console as console
 from lighting.cli.console import path_of
 from lighting.cli.options import PhotoOptions
 from lighting.errors import LightingError
-from lighting.runtime import release_memory
 from lighting.start import exit_on_interrupt, network_thread
 
 if TYPE_CHECKING:
@@ -169,7 +168,6 @@ def estimate_photo(
         decoded = thread.submit(read_photo, data, path=path_of(name))
         prediction = thread.submit(networks.predict, decoded)
         segments = thread.submit(networks.segment, decoded)
-        thread.submit(release_memory)
         from lighting.estimator import estimate_from_prediction
         from lighting.fusion.estimate import refine_prediction
 
