@@ -69,7 +69,7 @@ _COST_STEP, _BALANCE_STEPS = 0.002, 5000
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
 
 
-def _make_detail_library(data: Path) -> tuple[NDArray[np.void], NDArray[np.uint8]]:
+def _make_detail_library(data: Path) -> tuple[NDArray[np.void], bytes]:
     """The table and the pictures of the library's file.
 
     Args:
@@ -87,20 +87,30 @@ def _make_detail_library(data: Path) -> tuple[NDArray[np.void], NDArray[np.uint8
     table["sun_azimuth"] = [np.nan if p.sun_azimuth is None else p.sun_azimuth for p in chosen]
     table["sunlit"] = [p.direct in ("yes", "partly") and p.sun_azimuth is not None for p in chosen]
     table["snow"] = [p.name in _SNOW for p in chosen]
-    return table, np.frombuffer(b"".join(pictures), dtype=np.uint8)
+    return table, b"".join(pictures)
 
 
-def write_detail_library(file: Path, table: NDArray[np.void], pictures: NDArray[np.uint8]) -> None:
-    """Write a library, as `read_detail_library` reads it.
+def read_detail_library(file: Path) -> tuple[NDArray[np.void], bytes]:
+    """The table of a library, and its pictures, one after the other.
+
+    Args:
+        file: the library's.
+    """
+    with file.open("rb") as stream:
+        return np.load(stream), stream.read()
+
+
+def write_detail_library(file: Path, table: NDArray[np.void], pictures: bytes) -> None:
+    """Write a library: NumPy's plain table, and the pictures after it.
 
     Args:
         file: the library's.
         table: (N,) a row for each panorama.
-        pictures: bytes of all, one after the other.
+        pictures: of all, one after the other.
     """
     with file.open("wb") as stream:
         np.save(stream, table, allow_pickle=False)
-        np.save(stream, pictures, allow_pickle=False)
+        stream.write(pictures)
 
 
 def _may_ship(panorama: Panorama) -> bool:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.data.detail_library import balance_library, write_detail_library
+from export.data.detail_library import balance_library, read_detail_library, write_detail_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from export.evaluation.relighting import rgb_angle
@@ -35,7 +35,6 @@ from lighting.envmap.detail_library import (
     PhotoFeatures,
     cheapest_choice,
     choice_costs,
-    read_detail_library,
 )
 from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.projection import project_photo

@@ -63,8 +63,12 @@ class _DetailLibrary:
 
     names: tuple[str, ...]
     """Of the panoramas."""
-    pictures: tuple[NDArray[np.uint8], ...]
-    """Bytes of WebP, sRGB, PICTURE_ROWS rows."""
+    file: Path
+    """That holds their pictures: WebP, sRGB, PICTURE_ROWS rows."""
+    picture_ends: NDArray[np.int64]
+    """(N,) where they end in the file."""
+    picture_sizes: NDArray[np.int64]
+    """(N,) in bytes."""
     features: NDArray[np.float32]
     """(N, F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES."""
     sun_azimuth: Floats
@@ -75,6 +79,17 @@ class _DetailLibrary:
     """(N,) whether snow covers the ground."""
     cost: Floats
     """(N,) in squared logarithms, of what maps least look real with, and of what would be chosen too often."""
+
+    def read_picture(self, index: int) -> bytes:
+        """Return a panorama's picture.
+
+        Args:
+            index: of the panorama, from 0.
+        """
+        size = int(self.picture_sizes[index])
+        with self.file.open("rb") as file:
+            file.seek(int(self.picture_ends[index]) - size)
+            return file.read(size)
 
 
 @dataclass(frozen=True)
@@ -118,29 +133,20 @@ class PhotoFeatures:
 @lru_cache(maxsize=1)
 def load_detail_library() -> _DetailLibrary:
     """The library in this package."""
-    table, pictures = read_detail_library(LIBRARY_PATH)
+    with LIBRARY_PATH.open("rb") as file:
+        table, begin = np.load(file), file.tell()
     low, high = FEATURE_RANGE
     return _DetailLibrary(
         names=tuple(table["name"].tolist()),
-        pictures=tuple(np.split(pictures, np.cumsum(table["size"])[:-1])),
+        file=LIBRARY_PATH,
+        picture_ends=begin + np.cumsum(table["size"]),
+        picture_sizes=table["size"],
         features=table["features"] * np.float32((high - low) / 255) + np.float32(low),
         sun_azimuth=table["sun_azimuth"],
         sunlit=table["sunlit"],
         snow=table["snow"],
         cost=table["cost"],
     )
-
-
-def read_detail_library(file: Path) -> tuple[NDArray[np.void], NDArray[np.uint8]]:
-    """Read a library: a table (N,) with a row for each panorama, and the pictures' bytes, one after the other.
-
-    Both are NumPy's plain arrays in one file, which is read three times as fast as an archive of them.
-
-    Args:
-        file: that `export.data.detail_library` wrote.
-    """
-    with file.open("rb") as stream:
-        return np.load(stream), np.load(stream)
 
 
 def cell_features(colors: Image, cell: NDArray[np.intp]) -> tuple[Image, NDArray[np.intp]]:
@@ -362,7 +368,7 @@ def _detail_picture(
         library: None is the one in this package.
     """
     library = load_detail_library() if library is None else library
-    data = io.BytesIO(library.pictures[choice.index].data)
+    data = io.BytesIO(library.read_picture(choice.index))
     with WebPImagePlugin.WebPImageFile(data) as file:  # Image.open would load the plugins of all formats
         picture = file.convert("RGB")
     if saturation < 1:
