@@ -29,7 +29,7 @@ from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, gro
 from lighting.envmap.projection import sample_photo
 from lighting.envmap.render import level_irradiance
 from lighting.errors import ModelError
-from lighting.fusion.estimate import predict_photo
+from lighting.estimator import Estimator
 from lighting.geometry import Floats, angle_between
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array, read_photo
@@ -249,7 +249,7 @@ def _sample_suns(model: Model, crops: HdrCrops) -> list[_SunSample]:
     for (source, _), crop, truth in zip(crops.views, crops.crops, crops.truth, strict=True):
         if truth.sun_direction is None:
             continue
-        light = lighting_from_prediction(predict_photo(model, photo_from_array(tone_map(crop.linear))))
+        light = lighting_from_prediction(Estimator(model).predict(photo_from_array(tone_map(crop.linear))))
         if light.sun_irradiance is None or light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
         level = truth.sun_irradiance * truth.sun_direction[1] + truth.sky_irradiance
@@ -318,7 +318,7 @@ def _panorama_sun_stops(data: Path, labels: Path) -> Floats:
 def _photo_sun_stops(model: Model, data: Path) -> Floats:
     """What the network says of the photos of `train` in direct sun, over a clear sky [stops]."""
     rows = [r for r in require_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= MIN_ELEVATION]
-    lights = [predict_photo(model, read_photo(row.path)).light for row in rows]
+    lights = [Estimator(model).predict(read_photo(row.path)).light for row in rows]
     stated = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
     if not stated:
         raise DataError(f"No photo of {data} was taken in direct sun, or the network says nothing of the light.")

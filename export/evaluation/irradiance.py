@@ -22,9 +22,9 @@ from lighting.envmap.latlong import row_irradiance, shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
 from lighting.envmap.render import level_irradiance, render, sky_irradiance, sun_irradiance, with_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
-from lighting.estimator import apply_photo_colors
+from lighting.estimator import Estimator, apply_photo_colors
 from lighting.fields import clip_color
-from lighting.fusion.estimate import build_estimate, predict_photo
+from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import fuse
 from lighting.fusion.user_input import NO_USER_INPUT
@@ -272,7 +272,7 @@ def estimate_from_pixels(model: Model, photo: Photo) -> EstimatedLight:
         photo: the crop.
     """
     nothing = observations_from_metadata(PhotoMetadata(), NO_USER_INPUT)
-    return build_estimate(fuse(predict_photo(model, photo), nothing.observations), nothing)
+    return build_estimate(fuse(Estimator(model).predict(photo), nothing.observations), nothing)
 
 
 def _guesses(name: str, model: Model, crops: HdrCrops) -> dict[str, _Guess]:

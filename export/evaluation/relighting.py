@@ -27,8 +27,8 @@ from lighting.color import tone_map
 from lighting.decoding import lighting_from_prediction
 from lighting.envmap.relighting import rotate_envmap
 from lighting.envmap.render import render
+from lighting.estimator import Estimator
 from lighting.files import atomic_write
-from lighting.fusion.estimate import predict_photo
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, ray_sphere
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
@@ -159,7 +159,7 @@ def _lit_crops(data: Path, labels: Path, spec: ModelSpec) -> _LitCrops:
 def _estimated_maps(model: Model, views: list[View]) -> list[Floats]:
     """The environment maps that a network's answers give."""
     crops = [crop_panorama(source, camera, model.spec) for source, camera in views]
-    predictions = [predict_photo(model, photo_from_array(tone_map(c.linear))) for c in crops]
+    predictions = [Estimator(model).predict(photo_from_array(tone_map(c.linear))) for c in crops]
     return [np.asarray(render(lighting_from_prediction(p), HEIGHT)) for p in predictions]
 
 

@@ -35,7 +35,7 @@ from export.evaluation.metrics import (
     sun_figures,
 )
 from lighting.decoding import lighting_from_prediction
-from lighting.fusion.estimate import predict_photo
+from lighting.estimator import Estimator
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
@@ -235,7 +235,7 @@ HEIGHTS = ((-10, 10), (10, 20), (-10, 20), (20, 45), (45, 90))  # deg, bins of t
 
 def _photo_suns(model: Model, photos: Sequence[Photo]) -> Floats:
     """Directions (N, 3), decoded as users get them."""
-    return np.array([lighting_from_prediction(predict_photo(model, photo)).sun_direction for photo in photos])
+    return np.array([lighting_from_prediction(Estimator(model).predict(photo)).sun_direction for photo in photos])
 
 
 def photo_report(index: Path, models: dict[str, Model]) -> str:

@@ -16,7 +16,7 @@ from export.crops.crops import Camera, auto_exposure_gain, crop_rng, pinhole_cam
 from export.data.panoramas import DataError, Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from lighting.color import tone_map
-from lighting.fusion.estimate import predict_photo
+from lighting.estimator import Estimator
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, Posterior
 from lighting.geometry import Floats, angle_between, angles, camera_directions, direction, sample_latlong, wrap_azimuth
@@ -246,7 +246,7 @@ def _fuse_sets(model: Model, panoramas: Sequence[Panorama]) -> list[_PhotoSet]:
 
 def _fuse_set(model: Model, panorama: Panorama, size: int) -> _PhotoSet:
     photos = _photograph_sweep(panorama, size, "set")
-    predictions = [predict_photo(model, photo_from_array(photo.pixels)) for photo in photos]
+    predictions = [Estimator(model).predict(photo_from_array(photo.pixels)) for photo in photos]
     views = register_views(
         [
             ViewFeatures(detect_features(photo.pixels), p.camera_elevation, p.camera_roll, p.vertical_fov)

@@ -19,11 +19,10 @@ from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines
 from lighting.decoding import correct_sun_color, lighting_from_prediction
 from lighting.fields import clip_to_range, round_significant
 from lighting.fusion.instants import Instant, resolve_hemisphere
-from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
+from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import angles
-from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import is_blank, is_panorama
 from lighting.photo.reader import Photo
@@ -69,17 +68,6 @@ class PhotoPrediction:
     """Of the metadata."""
 
 
-def predict_photo(model: Model, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Prediction:
-    """The network's prediction for a photo, with the camera of `refine_prediction`.
-
-    Args:
-        model: the network.
-        photo: as `read_photo` returns it.
-        user_input: what the user states of the photo.
-    """
-    return refine_prediction(model.predict_one(photo), photo, user_input).prediction
-
-
 def refine_prediction(prediction: Prediction, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> PhotoPrediction:
     """The network's prediction for a photo, with the camera by its straight lines too, and what metadata count.
 
@@ -93,7 +81,7 @@ def refine_prediction(prediction: Prediction, photo: Photo, user_input: UserInpu
     metadata, warnings = _check_metadata(photo.metadata, prediction, user_input)
     if photo.is_collage or (user_input.metadata and photo.metadata.is_panorama):
         return PhotoPrediction(_as_unsuitable(prediction), metadata, warnings)
-    lens = camera_observations(metadata, user_input).vertical_fov
+    lens = merge_user_input(metadata, user_input).vertical_fov
     return PhotoPrediction(screen_prediction(prediction, photo.pixels, lens), metadata, warnings)
 
 

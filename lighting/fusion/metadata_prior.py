@@ -231,20 +231,9 @@ def observations_multi(metadata: Sequence[PhotoMetadata], user_input: UserInput)
     return _without_time(priors, f"{_NIGHT_IN_ALL_ZONES}: time and place were not used.")
 
 
-def camera_observations(metadata: PhotoMetadata, user_input: UserInput) -> Observations:
-    """The observations of the camera alone: its lens, and its tilt.
-
-    Args:
-        metadata: of the photo's file.
-        user_input: what the user states.
-    """
-    return _camera_observations(merge_user_input(metadata, user_input))
-
-
-def _camera_observations(merged: PhotoMetadata) -> Observations:
-    elevation, std = merged.camera_elevation, merged.gravity_spread
-    gravity = None if elevation is None or std is None else Gravity(elevation, merged.camera_roll, std)
-    return Observations(vertical_fov=merged.vertical_fov, gravity=gravity)
+def _gravity(metadata: PhotoMetadata) -> Gravity | None:
+    elevation, std = metadata.camera_elevation, metadata.gravity_spread
+    return None if elevation is None or std is None else Gravity(elevation, metadata.camera_roll, std)
 
 
 def _prior(
@@ -259,10 +248,10 @@ def _prior(
             consequence = _TWILIGHT_ANSWER if highest >= _MIN_SUN_ELEVATION else _LATE_ANSWER
         warnings = (*warnings, f"{_format_low_sun(highest)}: {consequence}")
     raised = _raise_twilight(candidates) if highest >= CIVIL_TWILIGHT else ()
-    camera = _camera_observations(merged)
+    gravity = _gravity(merged)
     compass, exposure_value = _compass(merged, instants, user_input), merged.exposure_value
     weights = tuple(instant.weight for instant in instants.instants) if raised else ()
-    observations = Observations(raised, *compass, camera.vertical_fov, camera.gravity, exposure_value, subject, weights)
+    observations = Observations(raised, *compass, merged.vertical_fov, gravity, exposure_value, subject, weights)
     twilight_sun = highest if CIVIL_TWILIGHT <= highest < -SUN_RADIUS else None
     is_night = bool(candidates) and highest < CIVIL_TWILIGHT
     location = merged.location if user_input.keep_location else None

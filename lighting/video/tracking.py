@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import SRGB_LINEAR
-from lighting.fusion.metadata_prior import MetadataPrior, camera_observations, observations_from_metadata
+from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_from_metadata
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
@@ -385,7 +385,7 @@ class ClipMetadata:
     @property
     def vertical_fov(self) -> float | None:
         """Of the lens [deg] by the user or the metadata; None is unknown."""
-        return camera_observations(self.metadata, self.user_input).vertical_fov
+        return merge_user_input(self.metadata, self.user_input).vertical_fov
 
     def prior_at(self, seconds: float, heading: float | None = None) -> MetadataPrior:
         """Return what metadata and the user say of a frame.

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.fusion.estimate import _choose_lens, build_estimate, predict_photo, refine_camera
+from lighting.estimator import Estimator
+from lighting.fusion.estimate import _choose_lens, build_estimate, refine_camera
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import fuse
@@ -155,11 +156,12 @@ def test_a_network_s_answer_has_the_camera_by_the_straight_lines(network: Path) 
     model = Model.load(network)
     photo = photo_from_array(poles(10.0, 0.0, 50.0, SIZE))
     alone = model.predict(preprocess(photo, model.spec))[0]
-    known = predict_photo(model, photo)
+    known = Estimator(model).predict(photo)
     assert known.camera_elevation == refine_camera(alone, photo.pixels).camera_elevation != alone.camera_elevation
     empty = photo_from_array(np.full((60, 80, 3), 128, dtype=np.uint8))
     assert (
-        predict_photo(model, empty).camera_elevation == model.predict(preprocess(empty, model.spec))[0].camera_elevation
+        Estimator(model).predict(empty).camera_elevation
+        == model.predict(preprocess(empty, model.spec))[0].camera_elevation
     )
 
 
@@ -171,9 +173,9 @@ def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> N
     alone = model.predict(preprocess(plain, model.spec))[0]
     by_lens = {fov: refine_camera(alone, plain.pixels, fov).camera_elevation for fov in (None, 60.0, 45.0)}
     assert len(set(by_lens.values())) == 3
-    assert predict_photo(model, stated).camera_elevation == by_lens[60.0]
-    assert predict_photo(model, stated, UserInput(vertical_fov=45.0)).camera_elevation == by_lens[45.0]
-    assert predict_photo(model, stated, UserInput(metadata=False)).camera_elevation == by_lens[None]
+    assert Estimator(model).predict(stated).camera_elevation == by_lens[60.0]
+    assert Estimator(model).predict(stated, UserInput(vertical_fov=45.0)).camera_elevation == by_lens[45.0]
+    assert Estimator(model).predict(stated, UserInput(metadata=False)).camera_elevation == by_lens[None]
 
 
 def seen_sun(predicted: Prediction) -> Floats:

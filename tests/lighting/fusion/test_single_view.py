@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lighting.decoding import lighting_from_prediction
 from lighting.errors import ParameterError
 from lighting.fusion.estimate import build_estimate
-from lighting.fusion.metadata_prior import camera_observations, observations_from_metadata
+from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import (
     _CAMERA_ELEVATION_STD,
@@ -316,7 +316,7 @@ def test_the_sentence_names_both() -> None:
 
 def test_facts_become_evidence_and_the_record_says_so() -> None:
     found = observations_from_metadata(PHONE, UserInput())
-    assert found.observations.gravity == camera_observations(PHONE, UserInput()).gravity == Gravity(-6.0, 5.0, 1.0)
+    assert found.observations.gravity == Gravity(-6.0, 5.0, 1.0)
     light = build_estimate(fuse_single_view(camera_prediction(), found.observations), found).lighting
     assert light.evidence == ("pixels", "focal length", "gravity")
     assert light.camera_elevation == pytest.approx(-5.2, abs=0.1)
@@ -326,7 +326,7 @@ def test_facts_become_evidence_and_the_record_says_so() -> None:
 
 def test_the_pixels_alone_where_metadata_are_not_to_be_used() -> None:
     found = observations_from_metadata(PHONE, UserInput(metadata=False))
-    assert found.observations.gravity is camera_observations(PHONE, UserInput(metadata=False)).gravity is None
+    assert found.observations.gravity is None
     light = build_estimate(fuse_single_view(camera_prediction(), found.observations), found).lighting
     assert light == lighting_from_prediction(camera_prediction())
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.fusion.estimate import predict_photo
+from lighting.estimator import Estimator
 from lighting.fusion.single_view import Observations
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, direction
@@ -150,8 +150,8 @@ def test_a_lens_that_is_known_enters_how_the_camera_was_held(network: Path) -> N
     seen = estimate_frame(model, pixels, 60.0)
     assert seen.by_lens is not None
     assert estimate_frame(model, pixels).by_lens is None
-    assert seen.prediction.camera_elevation == predict_photo(model, photo_from_array(pixels)).camera_elevation
-    prior = predict_photo(model, photo_from_array(pixels), UserInput(vertical_fov=60.0)).camera_elevation
+    assert seen.prediction.camera_elevation == Estimator(model).predict(photo_from_array(pixels)).camera_elevation
+    prior = Estimator(model).predict(photo_from_array(pixels), UserInput(vertical_fov=60.0)).camera_elevation
     assert seen.by_lens.prediction.camera_elevation == prior != seen.prediction.camera_elevation
 
 
