@@ -13,8 +13,6 @@ from lighting.errors import LightingError
 from lighting.start import exit_on_interrupt, network_thread
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
     from lighting.estimator import Estimator
     from lighting.fusion.user_input import UserInput
     from lighting.model import Model
@@ -149,10 +147,9 @@ def estimate_photo(
 ) -> "tuple[Photo, Estimate]":
     """Decode a photo and estimate its light.
 
-    One thread loads the network, decodes the photo and runs the network, so that one's memory is the next one's.
-    Meanwhile this thread imports what comes after, and calls `meanwhile`. While it refines the prediction, the other
-    runs the second network, which is loaded after the first is gone. Ctrl-C ends the process at once, for nothing is
-    written yet.
+    A thread loads the network meanwhile, and runs it while this one imports what comes after, and calls `meanwhile`.
+    While this one refines the prediction, the thread runs the second network, which is loaded after the first is gone.
+    Ctrl-C ends the process at once, for nothing is written yet.
 
     Args:
         name: of the photo's file, beside which sidecars may lie; "-" is stdin.
@@ -165,14 +162,13 @@ def estimate_photo(
 
     with exit_on_interrupt(), network_thread() as thread:
         networks = _PhotoNetworks(model)
-        decoded = thread.submit(read_photo, data, path=path_of(name))
-        prediction = thread.submit(networks.predict, decoded)
-        segments = thread.submit(networks.segment, decoded)
+        picture = read_photo(data, path=path_of(name))
+        prediction = thread.submit(networks.predict, picture)
+        segments = thread.submit(networks.segment, picture)
         from lighting.estimator import estimate_from_prediction
         from lighting.fusion.estimate import refine_prediction
 
         meanwhile()
-        picture = decoded.result()
         predicted = refine_prediction(prediction.result(), picture, user_input)
         return picture, estimate_from_prediction(picture, predicted, segments.result(), user_input)
 
@@ -184,17 +180,17 @@ class _PhotoNetworks:
         self._file = model
         self._model: Model | None = None
 
-    def predict(self, decoded: "Future[Photo]") -> "Prediction":
+    def predict(self, photo: "Photo") -> "Prediction":
         """Return what the network that estimates the light says."""
         self._model = _load_for_one_photo(self._file)
-        return self._model.predict_one(decoded.result())
+        return self._model.predict_one(photo)
 
-    def segment(self, decoded: "Future[Photo]") -> "Segments":
+    def segment(self, photo: "Photo") -> "Segments":
         """Return what the other network says that the photo shows."""
         from lighting.segmentation import packaged_segmenter
 
         self._model = None
-        return packaged_segmenter()(decoded.result().pixels)
+        return packaged_segmenter()(photo.pixels)
 
 
 def _load_for_one_photo(model: str | None) -> "Model":
