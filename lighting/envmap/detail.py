@@ -7,7 +7,7 @@ smooth, and no part of the sky becomes much brighter than its brightest was: the
 """
 
 import math
-from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
 
 import numpy as np
@@ -18,9 +18,10 @@ from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET, LibraryDetai
 from lighting.envmap.latlong import (
     Image,
     blur_cells,
+    column_blocks,
     interpolate_cells,
     multiply_cells,
-    shrink_blocks,
+    shrink_axis,
     shrink_envmap,
 )
 from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, project_photo, sample_cells
@@ -47,30 +48,50 @@ _GLARE_DEG = 20.0  # around the sun, where the sky may be bright
 _BRIGHTEST = 1.15  # times the brightest cell of the sky, which no other part exceeds
 _SEAM = 0.35  # how far the darker of two neighbors is preferred between photo and library
 _SEAM_WIDTH = 0.15  # of the continuation's reach
+_THREADS = 2  # that make the detail of a small map
 
 
 class _MapDetail:
-    """The library's detail with the photo's own, calm around the sun, in blocks of columns."""
+    """The library's detail with the photo's own, calm around the sun; threads make it in blocks of columns."""
 
     def __init__(
-        self, library: LibraryDetail, photo: PhotoProjection, coarse: Image, sun_angle: Floats | None, tint: Image
+        self,
+        library: LibraryDetail,
+        photo: PhotoProjection,
+        coarse: Image,
+        sun_angle: Floats | None,
+        tint: Image,
+        pool: ThreadPoolExecutor,
     ) -> None:
-        self._library, self._photo, self._coarse, self._tint = library, photo, coarse, tint
+        self._library, self._photo, self._coarse, self._pool = library, photo, coarse, pool
+        self._tint = np.concatenate([tint, np.ones_like(tint)]) - 1
         self._calm = None if sun_angle is None else _share_off_sun(sun_angle)
+        self._calmed = slice(0)  # rows of the map around the sun
+        if self._calm is not None:
+            rows = np.flatnonzero((self._calm < 1).any(axis=(1, 2)))
+            self._calmed = _rows_between(rows, library.height, DETAIL_ROWS)
         self._ceiling: Image | None = None
         self._limited = slice(0)  # rows of the map where the ceiling is low
-        self._whole = None if library.whole is None else self._finish(library.whole, photo.blocks[0])
-
-    def blocks(self) -> Iterator[tuple[slice, Image]]:
-        """Columns of the map, and the detail (H, C, 3) in them."""
-        for columns in self._photo.blocks:
-            yield columns, self._finish(self._library.block(columns), columns) if self._whole is None else self._whole
+        self._blocks = column_blocks(library.height, _THREADS)
+        self._whole: Image | None = None
+        if len(photo.blocks) == 1:  # a small map's is kept
+            self._whole = np.empty((library.height, 2 * library.height, 3), np.float32)
+            list(pool.map(lambda columns: self._fill(self._block(columns), columns), self._blocks))
 
     def means(self) -> Image:
         """The detail's means (R, 2R, 3) in the cells."""
         if self._whole is not None:
             return shrink_envmap(self._whole, DETAIL_ROWS)
-        return shrink_blocks((block for _, block in self.blocks()), self._library.height, DETAIL_ROWS)
+        rows = self._pool.map(lambda columns: shrink_axis(self._block(columns), 0, DETAIL_ROWS), self._blocks)
+        return shrink_axis(np.concatenate(list(rows), axis=1), 1, 2 * DETAIL_ROWS)
+
+    def multiply(self, image: Image) -> None:
+        """Give a map (H, 2H, 3) the detail."""
+
+        def multiply(columns: slice) -> None:
+            image[:, columns] *= self._block(columns)
+
+        list(self._pool.map(multiply, self._blocks))
 
     def limit(self, ceiling: Image) -> bool:
         """Bring the sky's detail under cells (R, 2R, 3), which are the sky over its mirror image; False if it is."""
@@ -79,20 +100,35 @@ class _MapDetail:
             self._ceiling = ceiling
             self._limited = _rows_between(rows, self._library.height // 2, len(ceiling) // 2)
             if self._whole is not None:
-                self._darken(self._whole, self._photo.blocks[0])
+                list(self._pool.map(lambda columns: self._darken(self._block(columns), columns), self._blocks))
         return bool(rows.size)
 
-    def _finish(self, detail: Image, columns: slice) -> Image:
-        block = self._photo.block(columns)
-        _color_dark(detail, columns, self._tint)
-        if block is not None:
-            _blend_continuation(detail, columns, block, self._coarse)
-        if self._calm is not None:
-            _calm_sun(detail, columns, self._calm)
+    def _block(self, columns: slice) -> Image:
+        """Some columns (H, C, 3)."""
+        if self._whole is not None:
+            return self._whole[:, columns]
+        detail = np.empty((self._library.height, columns.stop - columns.start, 3), np.float32)
+        self._fill(detail, columns)
+        return detail
+
+    def _fill(self, detail: Image, columns: slice) -> None:
+        """Make some columns (H, C, 3)."""
+        photo, height = self._photo.block(columns), self._library.height
+        self._library.fill(detail, columns)
+        tint = interpolate_cells(self._tint, height, slice(0, height // 2), columns)
+        calm = None if self._calm is None else interpolate_cells(self._calm, height, self._calmed, columns)
+        _color_dark(detail, tint)
+        if photo is not None:
+            coarse = interpolate_cells(self._coarse, height, photo.rows, photo.columns)
+            _blend_continuation(detail, columns, photo, coarse)
+        if calm is not None:
+            part = detail[self._calmed]
+            part -= 1
+            part *= calm
+            part += 1
         np.clip(detail, *_DETAIL_RANGE, out=detail)
         if self._ceiling is not None:
             self._darken(detail, columns)
-        return detail
 
     def _darken(self, detail: Image, columns: slice) -> None:
         """Bring some columns (H, C, 3) under the ceiling, where it is low."""
@@ -103,22 +139,23 @@ class _MapDetail:
 
 def add_detail(
     image: Image,
-    read_library: Callable[[], LibraryDetail],
+    library: Future[LibraryDetail],
     lighting: Lighting,
     photo: NDArray[np.uint8],
     continued: PhotoProjection,
-    gain: float = 1.0,
+    gain: float,
+    pool: ThreadPoolExecutor,
 ) -> None:
     """Give a coarse map detail; its light stays where the photo will not be laid over it.
 
     Args:
         image: (H, 2H, 3) linear, MIN_ROWS rows at least, without photo and disc, changed in place.
-        read_library: returns the detail of a panorama, of as many rows, which is changed. It is called late, so that
-            the panorama may be read meanwhile.
+        library: the detail of a panorama, of as many rows, which may be read meanwhile.
         lighting: of the map; its camera and its sun count.
         photo: (h, w, 3) sRGB, upright.
         continued: the photo in the map with its continuation.
         gain: over 0, by which the photo's linear values are multiplied.
+        pool: of threads that make the detail.
     """
     edge, shown, clipped = _photo_cells(photo, lighting)
     own = _continuation_cells(lighting, photo, continued.segments)
@@ -133,9 +170,8 @@ def add_detail(
     has_sun = lighting.sun_painted and lighting.sun_elevation > 0
     sun_angle = angle_between(_cell_directions(), lighting.sun_direction) if has_sun else None
 
-    library = read_library()
-    tint = _own_tint(before, library.color)
-    detail = _MapDetail(library, continued, _match_continuation(own, library.cells), sun_angle, tint)
+    coarse, tint = _match_continuation(own, library.result().cells), _own_tint(before, library.result().color)
+    detail = _MapDetail(library.result(), continued, coarse, sun_angle, tint, pool)
     cells = before * detail.means()
     lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
@@ -145,10 +181,8 @@ def add_detail(
     for deg in _HAND_OVER_DEG:  # the photo's edges and the light on matte objects both come near what they are to be
         gains *= _hand_over(cells * gains, edge, rim, deg)
         _keep_moments(gains, before, cells, open_share)
-    for columns, block in detail.blocks():
-        image[:, columns] *= block
-    for half, cells in zip(np.split(image, 2), np.split(gains, 2), strict=True):
-        multiply_cells(half, cells)
+    detail.multiply(image)
+    list(pool.map(multiply_cells, np.split(image, 2), np.split(gains, 2)))
 
 
 @lru_cache(maxsize=1)
@@ -166,23 +200,17 @@ def _own_tint(cells: Image, color: Image) -> Image:
     return np.asarray(np.clip(tint, *_TINT_RANGE), dtype=np.float32)
 
 
-def _color_dark(detail: Image, columns: slice, tint: Image) -> None:
+def _color_dark(detail: Image, tint: Image) -> None:
     """Give what is dark before the sky its own color in some columns (H, C, 3) of the detail: no leaves are blue.
 
     Args:
         detail: of the library, changed in place.
-        columns: of the map, that it has.
-        tint: of `_own_tint`.
+        tint: (H / 2, C, 3) factors of `_own_tint`, less 1; changed.
     """
-    sky = detail[: len(detail) // 2]
-    share = np.clip(1 - sky[..., 1:2], 0, 1)
-    cells = np.concatenate([tint, np.ones_like(tint)]) - 1
-    sky *= 1 + share * interpolate_cells(cells, len(detail), slice(0, len(sky)), columns)
-
-
-def _shifted(columns: slice, block: slice) -> slice:
-    """Columns of a map as those of a block of its columns."""
-    return slice(columns.start - block.start, columns.stop - block.start)
+    sky = detail[: len(tint)]
+    tint *= np.clip(1 - sky[..., 1], 0, 1).repeat(3, axis=1).reshape(tint.shape)
+    tint += 1
+    sky *= tint
 
 
 def _blend_continuation(detail: Image, columns: slice, continued: ProjectedPhoto, coarse: Image) -> None:
@@ -192,17 +220,18 @@ def _blend_continuation(detail: Image, columns: slice, continued: ProjectedPhoto
         detail: (H, C, 3) of the library, changed in place.
         columns: of the map, that it has.
         continued: the photo in them.
-        coarse: (R, 2R, 3) factors that take what is coarse from the library.
+        coarse: (r, c, 3) factors that take what is coarse from the library, where the photo lies.
     """
-    window = detail[continued.rows, _shifted(continued.columns, columns)]
+    left, right = continued.columns.start - columns.start, continued.columns.stop - columns.start
+    window = detail[continued.rows, left:right]
     own = continued.linear + LOG_OFFSET
-    own *= interpolate_cells(coarse, len(detail), continued.rows, continued.columns)
+    own *= coarse
     green, own_green = window[..., 1], own[..., 1]
     contrast = (green - own_green) / (green + own_green)
     place = 2 * continued.share - 1 + np.float32(2 * _SEAM) * contrast
     mask = np.clip(place * np.float32(0.5 / _SEAM_WIDTH) + np.float32(0.5), 0, 1) * (continued.share > 0)
     own -= window
-    own *= mask[..., None]
+    own *= mask.repeat(3, axis=1).reshape(own.shape)
     window += own
 
 
@@ -253,18 +282,6 @@ def _share_off_sun(sun_angle: Floats) -> Image:
     """How far (R, 2R, 3) there is detail, by the angle [deg] (R, 2R) from the sun."""
     share = np.clip((sun_angle - _SUN_DEG[0]) / (_SUN_DEG[1] - _SUN_DEG[0]), 0, 1)
     return np.asarray(share * share * (3 - 2 * share), dtype=np.float32)[..., None].repeat(3, axis=2)
-
-
-def _calm_sun(detail: Image, columns: slice, share: Image) -> None:
-    """Fade some columns (H, C, 3) of the detail out where cells (R, 2R, 3) are less than 1."""
-    rows = np.flatnonzero((share < 1).any(axis=(1, 2)))
-    if not rows.size:
-        return
-    window = _rows_between(rows, len(detail), DETAIL_ROWS)
-    part = detail[window]
-    part -= 1
-    part *= interpolate_cells(share, len(detail), window, columns)
-    part += 1
 
 
 def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:

@@ -396,33 +396,30 @@ class LibraryDetail:
         self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
         reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
         self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
-        contrast, powers = _contrast(DETAIL_ROWS), self._raise_to_contrast(reduced)
+        contrast, powers = _contrast(DETAIL_ROWS), self._raise_to_contrast(reduced, np.empty(reduced.shape, np.float32))
         coarse = _coarse_colors(reduced, self._log_offset)
         self._gains = np.exp(-coarse * contrast[:, None, None])
         self.cells = self._gains * shrink_envmap(powers, DETAIL_ROWS)
         """(R, 2R, 3) means of the detail."""
         self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
         """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
-        self.whole = self.block(blocks[0]) if len(blocks) == 1 else None
-        """(H, 2H, 3) of a map that is worked on at once; else None."""
 
     def _pixels(self, columns: slice) -> NDArray[np.uint8]:
-        return self._picture.columns(columns) if self._kept is None else self._kept
+        return self._picture.columns(columns) if self._kept is None else self._kept[:, columns]
 
-    def block(self, columns: slice) -> Image:
-        """Some columns (H, C, 3) of the detail.
+    def fill(self, detail: Image, columns: slice) -> None:
+        """Write some columns of the detail.
 
         Args:
+            detail: (H, C, 3), with whole rows one behind the other; what is written.
             columns: of a map of as many rows.
         """
-        detail = self._raise_to_contrast(self._pixels(columns))
+        self._raise_to_contrast(self._pixels(columns), detail)
         multiply_cells(detail, self._gains, columns)
-        return detail
 
-    def _raise_to_contrast(self, picture: NDArray[np.uint8]) -> Image:
-        """Some columns (h, C, 3) of a panorama of h rows to the power _CONTRAST."""
-        contrast, raised = _contrast(len(picture)), np.empty(picture.shape, np.float32)
-        first = 0
+    def _raise_to_contrast(self, picture: NDArray[np.uint8], raised: Image) -> Image:
+        """Some columns (h, C, 3) of a panorama of h rows to the power _CONTRAST, written to others of its size."""
+        contrast, first = _contrast(len(picture)), 0
         for last in [*(np.flatnonzero(np.diff(contrast)) + 1), len(picture)]:  # rows of one contrast
             table = np.exp(self._log_offset * contrast[first]).astype(np.float32)
             raised[first:last] = table.take(picture[first:last])

@@ -9,7 +9,7 @@ References:
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +22,7 @@ Image = NDArray[np.float32]
 MAX_RADIANCE = 65280.0  # of what is painted: 255 x 256, the largest value of RGBE up to 65504, where half floats end
 _BAND_ROWS = 32  # that are multiplied at once
 _BLOCK_PIXELS = 1 << 20  # of a map that are worked on at once, where much is computed of each
+_SHARED_PIXELS = 1 << 18  # of a map from which threads share the work
 _BLOCK_STEP = 64  # columns of which blocks are multiples, so that products of matrices keep their bits
 
 EPSILON_IRRADIANCE = 1e-12  # irradiance, radiance or exposure that stands for none in a divisor
@@ -40,15 +41,16 @@ def row_irradiance(height: int) -> Floats:
     return irradiance
 
 
-def column_blocks(height: int) -> list[slice]:
-    """The columns of a map in blocks, so that what is computed of each takes little memory; one of a small map.
+def column_blocks(height: int, least: int = 1) -> list[slice]:
+    """The columns of a map in blocks, so that what is computed of each takes little memory.
 
     Args:
         height: rows of the map.
+        least: how many blocks a map has, for as many threads; a map that is quickly worked on has one.
     """
     width = 2 * height
-    fits = width * height <= _BLOCK_PIXELS
-    step = width if fits else max(_BLOCK_PIXELS // height // _BLOCK_STEP, 1) * _BLOCK_STEP
+    most = min(_BLOCK_PIXELS // height, width // least if width * height >= _SHARED_PIXELS else width)
+    step = width if most == width else max(most // _BLOCK_STEP, 1) * _BLOCK_STEP
     return [slice(start, min(start + step, width)) for start in range(0, width, step)]
 
 
@@ -119,20 +121,21 @@ def shrink_envmap(image: Image, rows: int) -> Image:
         image: (H, 2H, C).
         rows: of the result.
     """
-    return image if rows >= len(image) else shrink_blocks([image], len(image), rows)
+    return image if rows >= len(image) else shrink_axis(shrink_axis(image, 0, rows), 1, 2 * rows)
 
 
-def shrink_blocks(blocks: Iterable[Image], height: int, rows: int) -> Image:
-    """`shrink_envmap` of a map that comes in blocks of columns.
+def shrink_axis(image: Image, axis: int, pixels: int) -> Image:
+    """An image reduced by area averages along one of its axes.
 
     Args:
-        blocks: (H, W, C) each, from left to right.
-        height: rows of the map, H.
-        rows: of the result, up to those of the map.
+        image: (R, W, C).
+        axis: 0 of rows, 1 of columns.
+        pixels: of the result along it, up to those of the image.
     """
-    shares = _area_shares(rows, height)
-    wide = np.concatenate([np.tensordot(shares, block, 1) for block in blocks], axis=1)  # (rows, 2H, C)
-    return np.asarray(np.einsum("xw,ywc->yxc", _area_shares(2 * rows, 2 * height), wide, optimize=True))
+    shares = _area_shares(pixels, image.shape[axis])
+    if axis == 0:
+        return np.asarray(np.tensordot(shares, image, 1))
+    return np.asarray(np.einsum("xw,ywc->yxc", shares, image, optimize=True))
 
 
 @lru_cache(maxsize=16)
@@ -175,7 +178,7 @@ def blur_cells(cells: Image, deg: float) -> Image:
     return np.asarray(across @ blurred, dtype=np.float32)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _blur_matrix(count: int, map_rows: int, deg: float, wraps: bool) -> Image:
     """Weights (count, count) of a normal distribution between cells; rows sum to 1."""
     index = np.arange(count)

@@ -17,7 +17,7 @@ from lighting.envmap.latlong import (
     row_irradiance,
     scale_colors,
     set_irradiance,
-    shrink_blocks,
+    shrink_axis,
 )
 from lighting.geometry import Floats, Pinhole
 from lighting.records import Lighting
@@ -139,17 +139,20 @@ class PhotoProjection:
         """Its pixels in some columns of the map; None where it has none. Those of a small map are found once.
 
         Args:
-            columns: of the map, one of `blocks`.
+            columns: of the map.
             rows: of the map, some of which it reaches; None: all that it reaches.
         """
         rows = self.rows if rows is None else rows
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
-        if len(self.blocks) == 1:
-            part, whole = slice(top - self.rows.start, bottom - self.rows.start), self.whole
-            pixels = whole.linear[part], whole.weight[part], whole.share[part]
-            return ProjectedPhoto(slice(top, bottom), self.columns, *pixels)
         left, right = max(self.columns.start, columns.start), min(self.columns.stop, columns.stop)
-        return self._pixels(slice(top, bottom), slice(left, right)) if left < right else None
+        if left >= right:
+            return None
+        if len(self.blocks) > 1:
+            return self._pixels(slice(top, bottom), slice(left, right))
+        first, whole = (self.rows.start, self.columns.start), self.whole
+        part = slice(top - first[0], bottom - first[0]), slice(left - first[1], right - first[1])
+        pixels = whole.linear[part], whole.weight[part], whole.share[part]
+        return ProjectedPhoto(slice(top, bottom), slice(left, right), *pixels)
 
     def covered_share(self, rows: int) -> Image:
         """How much (R, 2R, 1) of each of a map's cells it covers.
@@ -157,7 +160,8 @@ class PhotoProjection:
         Args:
             rows: of the cells.
         """
-        return shrink_blocks((self._weights(columns) for columns in self.blocks), self.height, rows)
+        weights = [shrink_axis(self._weights(columns), 0, rows) for columns in self.blocks]
+        return shrink_axis(np.concatenate(weights, axis=1), 1, 2 * rows)
 
     def _weights(self, columns: slice) -> Image:
         """Its weight (H, C, 1) in some columns of the map."""

@@ -234,9 +234,8 @@ def render_with_surroundings(
         lower(not detailed)
         upper_done.result()
         if found is not None:
-            add_detail(image, found.result, lighting, context.photo, photo, gain)
-            for rows, target in zip(halves, targets, strict=True):
-                photo.lay(image, rows, target, gain)
+            add_detail(image, found, lighting, context.photo, photo, gain, pool)
+            list(pool.map(lambda rows, target: photo.lay(image, rows, target, gain), halves, targets))
     cap_map(image, lighting)
     if has_disc:
         add_sun(image, lighting)

@@ -255,12 +255,12 @@ def test_snow_is_for_photos_of_snow(snow: bool) -> None:
 def test_what_is_dark_before_the_sky_has_its_own_color() -> None:
     detail = np.ones((96, 192, 3), np.float32)
     detail[:, ::2] = 0.25
-    tint = np.broadcast_to(np.array([1.5, 1.0, 0.5], np.float32), (24, 96, 3))
+    tint = np.array([1.5, 1.0, 0.5], np.float32)
     tinted = detail.copy()
-    _color_dark(tinted, slice(0, 192), tint)
+    _color_dark(tinted, np.broadcast_to(tint - 1, (48, 192, 3)).copy())
     np.testing.assert_array_equal(tinted[48:], detail[48:])
     np.testing.assert_array_equal(tinted[:, 1::2], detail[:, 1::2])
-    np.testing.assert_allclose(tinted[:40, ::2] - 0.25 * (1 + 0.75 * (tint[0, 0] - 1)), 0, atol=1e-4)
+    np.testing.assert_allclose(tinted[:40, ::2] - 0.25 * (1 + 0.75 * (tint - 1)), 0, atol=1e-4)
 
 
 def test_the_photo_goes_on_as_bright_as_the_library() -> None:
