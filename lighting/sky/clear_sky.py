@@ -287,8 +287,9 @@ def prague_by_angles(zenith_angle: Floats, sun_angle: Floats, sun_elevation: flo
     down, part = _cell(ZENITH_ANGLES, zenith_angle)
     rows = table[:, down] * (1 - part) + table[:, down + 1] * part
     across, share = _cell(SUN_ANGLES, sun_angle)
-    by_channel = rows.transpose(2, 1, 0)
-    return np.asarray(by_channel[..., across] * (1 - share[:, 0]) + by_channel[..., across + 1] * share[:, 0])
+    between = rows.take(across, axis=0) * (1 - share[..., None])  # (N, R, 3), of which whole rows are copied
+    between += rows.take(across + 1, axis=0) * share[..., None]
+    return np.ascontiguousarray(between.transpose(2, 1, 0))
 
 
 def _visibility_from_turbidity(turbidity: float) -> float:
