@@ -138,7 +138,7 @@ def _level_in_camera(heading: Floats, elevation: Floats, roll: float) -> Floats:
 # Straight edges of a picture, those separate that run about as the verticals of the world would.
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Lines:
     """Straight edges. Positions are in picture heights from the picture's center, x to the right and y up."""
 
@@ -164,7 +164,7 @@ class _Lines:
         return np.stack([-cosine, sine, cosine * x - sine * y])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Edges:
     """The edges of a picture by their direction."""
 
@@ -278,7 +278,7 @@ def _fit_lines(chain: NDArray[np.intp], weight: Floats, x: Floats, y: Floats, he
 # The posterior over the cameras among which the lines choose: a grid about the network's answer.
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Cameras:
     """Every elevation of a lens with every roll."""
 

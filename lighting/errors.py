@@ -48,7 +48,7 @@ class ErrorCode(StrEnum):
     """It failed for another reason, which the sentence tells."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _RenamedName:
     """Where a public name is now, and the first release without the old one."""
 

@@ -111,7 +111,7 @@ def is_in_sun(sunny: NDArray[np.bool_], foot: Floats) -> bool:
     return bool(sunny[row, column])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _GroundSpot:
     """Where an object may stand."""
 

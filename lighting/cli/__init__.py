@@ -44,7 +44,30 @@ _CLIPS = frozenset([".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m
 
 
 class _Helped(click.Command):
-    """A command or group that shows its help by -h and --help, in any context."""
+    """A command or group that shows its help by -h and --help, in any context, and examples at the end of it."""
+
+    def __init__(self, *args: Any, examples: Sequence[str] = (), **kwargs: Any) -> None:
+        """Make one.
+
+        Args:
+            args: of click.
+            examples: command lines, which the help shows as they are, however long.
+            kwargs: of click.
+        """
+        super().__init__(*args, **kwargs)
+        self.examples = tuple(examples)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Write the examples, each in a line of its own.
+
+        Args:
+            ctx: of click.
+            formatter: takes the lines.
+        """
+        if self.examples:
+            with formatter.section("Examples"):
+                for line in self.examples:
+                    formatter.write(f"{'':{formatter.current_indent}}{line}\n")
 
     def get_help_option_names(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """Return the names of the option that shows the help.
@@ -58,28 +81,16 @@ class _Helped(click.Command):
 class Command(_Helped):
     """A command whose help ends with examples, and that knows the old names of its options."""
 
-    def __init__(
-        self, *args: Any, examples: Sequence[str] = (), renamed: Mapping[str, str] | None = None, **kwargs: Any
-    ) -> None:
+    def __init__(self, *args: Any, renamed: Mapping[str, str] | None = None, **kwargs: Any) -> None:
         """Make a command.
 
         Args:
             args: of click.
-            examples: command lines, which the help shows as they are.
             renamed: options' names by the old ones, which still work until 0.3.0 and which no help shows.
-            kwargs: of click.
+            kwargs: of click, and `examples`.
         """
         super().__init__(*args, **kwargs)
-        self.examples, self.renamed = tuple(examples), {**_OLD_OPTIONS, **(renamed or {})}
-
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """Write the examples.
-
-        Args:
-            ctx: of click.
-            formatter: takes the lines.
-        """
-        _write_examples(self.examples, formatter)
+        self.renamed = {**_OLD_OPTIONS, **(renamed or {})}
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments; UsageError for one too many.
@@ -114,26 +125,6 @@ class Group(_Helped, click.Group):
 
     command_class = Command
 
-    def __init__(self, *args: Any, examples: Sequence[str] = (), **kwargs: Any) -> None:
-        """Make a group.
-
-        Args:
-            args: of click.
-            examples: command lines, which the help shows as they are.
-            kwargs: of click.
-        """
-        super().__init__(*args, **kwargs)
-        self.examples = tuple(examples)
-
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """Write the examples.
-
-        Args:
-            ctx: of click.
-            formatter: takes the lines.
-        """
-        _write_examples(self.examples, formatter)
-
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """The commands in the order of their definition, which is that of their use.
 
@@ -158,20 +149,6 @@ class Group(_Helped, click.Group):
 
 
 Group.group_class = Group  # of a group's groups
-
-
-def _write_examples(examples: Sequence[str], formatter: click.HelpFormatter) -> None:
-    """Write examples at the end of a help, each in a line of its own, however long.
-
-    Args:
-        examples: command lines.
-        formatter: takes the lines.
-    """
-    if not examples:
-        return
-    with formatter.section("Examples"):
-        for line in examples:
-            formatter.write(f"{'':{formatter.current_indent}}{line}\n")
 
 
 def _describe_unknown(name: str, program: str, commands: Sequence[str]) -> str:

@@ -399,7 +399,7 @@ def write_bytes(output: str, data: bytes) -> None:
 # Outputs.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class OutputKind:
     """What a command writes of one source."""
 

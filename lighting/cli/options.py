@@ -205,6 +205,13 @@ no_sun_option = click.option(
 )
 
 
+def _add_options(command: Callable[..., None], *options: Decorator) -> Callable[..., None]:
+    """The command with options, which its help shows in this order."""
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
 _MAP_OPTIONS: tuple[Decorator, ...] = (
     height_option,
     click.option(
@@ -242,9 +249,7 @@ def map_options(command: Callable[..., None]) -> Callable[..., None]:
     Args:
         command: that receives them.
     """
-    for option in reversed(_MAP_OPTIONS):
-        command = option(command)
-    return command
+    return _add_options(command, *_MAP_OPTIONS)
 
 
 def file_output(kind: OutputKind, *, several: bool = False) -> Decorator:
@@ -384,10 +389,7 @@ def adjustment_options(command: Callable[..., None]) -> Callable[..., None]:
             adjustments = Adjustments(sun, exposure, haze, overcast)
         command(*args, adjustments=adjustments, **options)
 
-    decorated: Callable[..., None] = with_adjustments
-    for option in reversed(_ADJUSTMENTS):
-        decorated = option(decorated)
-    return decorated
+    return _add_options(with_adjustments, *_ADJUSTMENTS)
 
 
 _NO_EXPOSURE = "0"
@@ -479,10 +481,7 @@ def _options(*names: str) -> Decorator:
                 user_input = UserInput(**values)
             command(*args, user_input=user_input, **options)
 
-        decorated: Callable[..., None] = with_user_input
-        for name in reversed(names):
-            decorated = _OPTIONS[name](decorated)
-        return decorated
+        return _add_options(with_user_input, *(_OPTIONS[name] for name in names))
 
     return decorate
 
@@ -492,7 +491,7 @@ user_input_options = _options(*_OPTIONS)
 batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading")))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PhotoOptions:
     """The options of a command that makes something of each photo."""
 
@@ -565,7 +564,9 @@ def photo_options(command: Callable[..., None]) -> Callable[..., None]:
         chosen = PhotoOptions(**{field.name: options.pop(field.name) for field in fields(PhotoOptions)})
         command(*args, chosen=chosen, **options)
 
-    added = (
+    return _add_options(
+        with_chosen,
+        click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName()),
         adjustment_options,
         no_sun_option,
         surroundings_option,
@@ -576,10 +577,6 @@ def photo_options(command: Callable[..., None]) -> Callable[..., None]:
         json_option,
         silent_option,
     )
-    decorated: Callable[..., None] = with_chosen
-    for add in reversed(added):
-        decorated = add(decorated)
-    return click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName())(decorated)
 
 
 def choose_sun(sun: bool | None, adjustments: "Adjustments | None") -> bool | None:

@@ -46,7 +46,7 @@ _SUNLIT_SHARE = 0.8  # of the ground, where the sun reaches the scene
 _MIN_SUNLIT_SHARE = 0.05
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _OtsuClasses:
     """Dark and bright ground, in log2 of luminance."""
 

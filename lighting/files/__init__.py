@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _RANDOM_BYTES = 8  # in a temporary name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _MapFormat:
     """How environment maps are written in one format."""
 

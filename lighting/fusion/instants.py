@@ -60,7 +60,7 @@ _CLAIMED_BOXES = (  # south, west, north and east [deg] of such places, and the 
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _ZoneOffset:
     """An offset from UTC that clocks at a place may have at a local time."""
 
@@ -251,7 +251,7 @@ class Instant:
     """Which photos of one camera have in common."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _ClockConflict:
     """Clock and GPS that contradict each other."""
 

@@ -136,7 +136,7 @@ class Posterior:
         return SunDistribution(grid, splat_to_grid(self.probability, self.directions, grid).astype(np.float32))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _GravityFused:
     """A photo's prediction with its camera tilted as pixels and gravity have it."""
 
