@@ -5,8 +5,6 @@ is in shade. The sun does not reach it, and it casts no shadow of the sun. Anyth
 shadow falls on lit ground alone.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -44,24 +42,6 @@ _MIN_EDGES = 0.08  # share of neighbours of which one is bright and one dark
 _LOG2_ALBEDO = (-3.4, 1.2)  # of a ground's reflectance: mean, and standard deviation with the errors of irradiance
 _SUNLIT_SHARE = 0.8  # of the ground, where the sun reaches the scene
 _MIN_SUNLIT_SHARE = 0.05
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class _OtsuClasses:
-    """Dark and bright ground, in log2 of luminance."""
-
-    dark: float  # means
-    bright: float
-
-    @property
-    def threshold(self) -> float:
-        """Halfway between the two means."""
-        return (self.dark + self.bright) / 2
-
-    @property
-    def step(self) -> float:
-        """Stops between the means."""
-        return self.bright - self.dark
 
 
 def ground_shadow_mask(
@@ -168,15 +148,14 @@ def dappled_sunlight(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[floa
     if near.mean() < _MIN_GROUND:
         return None
     classes = _otsu_classes(stops[near], 0.0, np.inf)
-    if classes is None or classes.step < _MIN_DAPPLED_STEP:
+    if classes is None or classes[1] - classes[0] < _MIN_DAPPLED_STEP:
         return None
-    bright, pairs = stops > classes.threshold, near[:, 1:] & near[:, :-1]
-    share, edges = (
-        float(bright[near].mean()),
-        float((bright[:, 1:] != bright[:, :-1])[pairs].mean() if pairs.any() else 0),
-    )
+    dark, bright = classes
+    lit, pairs = stops > (dark + bright) / 2, near[:, 1:] & near[:, :-1]
+    share = float(lit[near].mean())
+    edges = float((lit[:, 1:] != lit[:, :-1])[pairs].mean() if pairs.any() else 0)
     mixed = _MIN_DAPPLED_SHARE < share < 1 - _MIN_DAPPLED_SHARE and edges > _MIN_EDGES
-    return (share, classes.step) if mixed else None
+    return (share, bright - dark) if mixed else None
 
 
 def _mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> float:
@@ -222,18 +201,21 @@ def _sunlit_share(stops: Floats, level: float, step: float, visibility: float) -
     classes = _classify_ground(stops, middle, max(_MIN_STEP, _MIN_PREDICTED_SHARE * step))
     if classes is None:
         return np.full(len(stops), float(np.median(stops) >= level + _min_lit_albedo(step, visibility)))
-    return np.asarray(np.clip((stops - classes.threshold) / (0.5 * classes.step) + 0.5, 0, 1))
+    dark, bright = classes
+    return np.asarray(np.clip((stops - (dark + bright) / 2) / (0.5 * (bright - dark)) + 0.5, 0, 1))
 
 
-def _classify_ground(stops: Floats, middle: float, least: float) -> _OtsuClasses | None:
-    """Ground in the sun and in shade, a `least` step apart: by a threshold near the middle or by any.
+def _classify_ground(stops: Floats, middle: float, least: float) -> tuple[float, float] | None:
+    """The means of ground in shade and in the sun, a `least` step apart, by a threshold near the middle or by any.
 
     One farther off counts only if the dark kind is not bright: it splits light paving, not lit ground from walls.
     """
     near, any_ = (_otsu_classes(stops, middle, reach) for reach in (_THRESHOLD_REACH, np.inf))
-    if near is not None and near.step >= least:
+    if near is not None and near[1] - near[0] >= least:
         return near
-    return any_ if any_ is not None and any_.step >= least and any_.dark < middle + _THRESHOLD_REACH else None
+    if any_ is None or any_[1] - any_[0] < least or any_[0] >= middle + _THRESHOLD_REACH:
+        return None
+    return any_
 
 
 def _min_lit_albedo(step: float, visibility: float) -> float:
@@ -265,8 +247,11 @@ def _block_means(gray: Floats) -> Floats:
     return np.asarray(sums / np.outer(*sizes))
 
 
-def _otsu_classes(stops: Floats, middle: float, reach: float) -> _OtsuClasses | None:
-    """The two classes into which log2 luminances (N,) fall by a threshold near the middle; None if one is rare."""
+def _otsu_classes(stops: Floats, middle: float, reach: float) -> tuple[float, float] | None:
+    """The means of the two classes into which log2 luminances (N,) fall by a threshold near the middle.
+
+    The darker comes first, and the threshold lies halfway between them. None if one class is rare.
+    """
     counts, edges = np.histogram(stops, _BINS, _LOG2_RANGE)
     values = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts)[:-1]
@@ -279,4 +264,4 @@ def _otsu_classes(stops: Floats, middle: float, reach: float) -> _OtsuClasses | 
     best = int(np.argmax(variance))
     if variance[best] < 0 or min(below[best], above[best]) < _MIN_CLASS_SHARE * len(stops):
         return None
-    return _OtsuClasses(float(dark[best]), float(bright[best]))
+    return float(dark[best]), float(bright[best])
