@@ -352,6 +352,8 @@ class _DetailPicture:
         Args:
             columns: of the map.
         """
+        if len(self.pixels) == self.height:
+            return self.pixels[:, columns]
         part = Pictures.fromarray(np.ascontiguousarray(self.pixels[:, columns]))
         return np.asarray(part.resize((part.width, self.height), _kernel(part.height, self.height)))
 

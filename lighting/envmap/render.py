@@ -306,7 +306,8 @@ def _render_by_angles(image: Image, lighting: Lighting, by_angles: Callable[...,
     steps = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
     sun_angle = np.degrees(2 * np.arctan2(steps, 1 - steps))
     table = np.asarray(by_angles(zenith, sun_angle, lighting.sun_elevation, lighting.turbidity), dtype=np.float32)
-    step = np.diff(table, axis=2, append=table[..., -1:])
+    step = np.zeros_like(table)  # to the next entry; the last has none
+    np.subtract(table[..., 1:], table[..., :-1], out=step[..., :-1])
     for part, share in _sun_shares(image, lighting):
         share *= np.float32(_TABLE_STEPS)
         low = share.astype(np.intp)
