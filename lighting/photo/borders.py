@@ -360,11 +360,9 @@ def _smooth_bars(gray: NDArray[np.int16]) -> tuple[int, int] | None:
 
 def _end_of_smooth_bar(gray: NDArray[np.int16]) -> int:
     """The row at which a straight edge ends a bar of smooth rows at the top; 0 without."""
-    bent = [(np.abs(np.diff(gray, n=2, axis=axis)) <= _SMOOTH_BEND).mean(axis=1) for axis in (0, 1)]
-    smooth = np.minimum(bent[0], bent[1][1:-1]) >= _SMOOTH_SHARE
-    if not smooth[: 2 * _REACH].all():
+    if not _are_smooth(gray[: 2 * _REACH + 2]).all():  # as of most photos
         return 0
-    runs = _runs(~smooth)
+    runs = _runs(~_are_smooth(gray))
     first = runs[0][0] if runs else 0
     for begin, end in runs:  # lines of text, until the photo begins
         rows = np.arange(max(2, begin + 1 - _REACH), min(begin + 1 + _edge_reach(gray), len(gray) - 1))
@@ -374,6 +372,12 @@ def _end_of_smooth_bar(gray: NDArray[np.int16]) -> int:
         if end - begin > _MAX_TEXT_SHARE * len(gray):
             return 0
     return 0
+
+
+def _are_smooth(gray: NDArray[np.int16]) -> _Mask:
+    """Whether each row, but the first and the last, bends little to any side."""
+    bent = [(np.abs(np.diff(gray, n=2, axis=axis)) <= _SMOOTH_BEND).mean(axis=1) for axis in (0, 1)]
+    return np.asarray(np.minimum(bent[0], bent[1][1:-1]) >= _SMOOTH_SHARE)
 
 
 def _edge_reach(gray: NDArray[np.int16]) -> int:
@@ -498,11 +502,9 @@ def _seams(gray: NDArray[np.int16]) -> tuple[list[float], list[float]]:
     width = gray.shape[1]
     if width < 32:
         return [], []
-    columns = np.arange(width // 6, width - width // 6)
-    step = np.abs(gray[:, columns + 1] - gray[:, columns - 1])
-    before = np.abs(gray[:, columns - 1] - gray[:, columns - 3])
-    behind = np.abs(gray[:, columns + 3] - gray[:, columns + 1])
-    shares = (step > 6 + 1.5 * np.maximum(before, behind)).mean(axis=0)
-    position = (columns + 0.5) / width
+    first, last = width // 6, width - width // 6
+    steps = np.abs(gray[:, first - 1 : last + 3] - gray[:, first - 3 : last + 1])  # over two columns
+    shares = (2 * steps[:, 2:-2] > 12 + 3 * np.maximum(steps[:, :-4], steps[:, 4:])).mean(axis=0)
+    position = (np.arange(first, last) + 0.5) / width
     regular = np.abs(position[:, None] - _SEAM_POSITIONS).min(axis=1) * width <= 1.0
     return shares.tolist(), shares[regular].tolist()

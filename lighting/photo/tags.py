@@ -367,14 +367,13 @@ def read_sidecar(path: str | os.PathLike[str], read: Callable[[Path], bytes | No
     photo = Path(path)
     properties: dict[str, str] = {}
 
-    def small(file: Path) -> bytes | None:
-        data = (read or _read_start)(file)
-        return data if data is not None and len(data) <= MAX_SIDECAR_BYTES else None
+    def contents(files: Iterator[Path]) -> Iterator[bytes]:
+        found = map(read or _read_start, files)
+        return (data for data in found if data and len(data) <= MAX_SIDECAR_BYTES)
 
-    for file in _xmp_files(photo):
-        properties = {**_of_capture(_read_xmp(small(file))), **properties}
-    for file in _json_files(photo):
-        record = _parse_json(small(file))
+    for data in contents(_xmp_files(photo)):
+        properties = {**_of_capture(_read_xmp(data)), **properties}
+    for record in map(_parse_json, contents(_json_files(photo))):
         properties = {**_takeout_properties(record), **_exiftool_properties(record, photo.name), **properties}
     return properties
 
@@ -428,10 +427,10 @@ def _read_start(file: Path) -> bytes | None:
         return None
 
 
-def _parse_json(data: bytes | None) -> Any:
+def _parse_json(data: bytes) -> Any:
     """What JSON holds; None where it is none."""
     try:
-        return json.loads(data or b"")
+        return json.loads(data)
     except (ValueError, RecursionError):
         return None
 
