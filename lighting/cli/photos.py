@@ -161,36 +161,26 @@ def estimate_photo(
     from lighting.photo.reader import read_photo
 
     with exit_on_interrupt(), network_thread() as thread:
-        networks = _PhotoNetworks(model)
+        loading = thread.submit(_load_for_one_photo, model)
         picture = read_photo(data, path=path_of(name))
-        prediction = thread.submit(networks.predict, picture)
-        segments = thread.submit(networks.segment, picture)
         from lighting.estimator import estimate_from_prediction
         from lighting.fusion.estimate import refine_prediction
+        from lighting.model import preprocess
 
+        network = loading.result()
+        predictions = thread.submit(network.predict, preprocess(picture, network.spec))
+        del loading, network  # so that the network is gone with its answer
+        segments = thread.submit(_segment, picture)
         meanwhile()
-        predicted = refine_prediction(prediction.result(), picture, user_input)
+        predicted = refine_prediction(predictions.result()[0], picture, user_input)
         return picture, estimate_from_prediction(picture, predicted, segments.result(), user_input)
 
 
-class _PhotoNetworks:
-    """The networks of one photo; the second is loaded after the first is gone."""
+def _segment(photo: "Photo") -> "Segments":
+    """What the other network says that the photo shows."""
+    from lighting.segmentation import packaged_segmenter
 
-    def __init__(self, model: str | None) -> None:
-        self._file = model
-        self._model: Model | None = None
-
-    def predict(self, photo: "Photo") -> "Prediction":
-        """Return what the network that estimates the light says."""
-        self._model = _load_for_one_photo(self._file)
-        return self._model.predict_one(photo)
-
-    def segment(self, photo: "Photo") -> "Segments":
-        """Return what the other network says that the photo shows."""
-        from lighting.segmentation import packaged_segmenter
-
-        self._model = None
-        return packaged_segmenter()(photo.pixels)
+    return packaged_segmenter()(photo.pixels)
 
 
 def _load_for_one_photo(model: str | None) -> "Model":
