@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lighting.model import Model
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
-    from lighting.records import Lighting, Prediction
+    from lighting.records import Lighting
     from lighting.segmentation import Segments
 
 UNSUITABLE_STATUS = 3  # of --strict, where a photo is probably none of outdoors by daylight

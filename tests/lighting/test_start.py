@@ -123,7 +123,7 @@ import os, signal, sys, threading
 from lighting.cli import photos
 from lighting.fusion.user_input import UserInput
 signal.signal(signal.SIGINT, signal.default_int_handler)
-photos._load_for_one_photo = lambda _: threading.Event().wait()
+photos._segment = lambda _: threading.Event().wait()
 class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
