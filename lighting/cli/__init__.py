@@ -11,8 +11,9 @@ import os
 import shlex
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from inspect import cleandoc
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import click
 
@@ -38,7 +39,7 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
 }
 
 _NO_ARGUMENTS: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())  # from click 8.2 on
-_OLD_OPTIONS = {f"--{no}{old}": f"--{no}{new}" for old, new in OLD_NAMES.items() for no in ("", "no-")}
+OLD_OPTIONS = {f"--{no}{old}": f"--{no}{new}" for old, new in OLD_NAMES.items() for no in ("", "no-")}
 _NEAR = 0.6  # share of the letters that a suggestion has in common with what was typed
 _CLIPS = frozenset([".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp"])
 
@@ -46,16 +47,10 @@ _CLIPS = frozenset([".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m
 class _Helped(click.Command):
     """A command or group that shows its help by -h and --help, in any context, and examples at the end of it."""
 
-    def __init__(self, *args: Any, examples: Sequence[str] = (), **kwargs: Any) -> None:
-        """Make one.
-
-        Args:
-            args: of click.
-            examples: command lines, which the help shows as they are, however long.
-            kwargs: of click.
-        """
-        super().__init__(*args, **kwargs)
-        self.examples = tuple(examples)
+    @property
+    def examples(self) -> list[str]:
+        """Command lines in the epilog, which the help shows as they are, however long."""
+        return cleandoc(self.epilog or "").splitlines()
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Write the examples, each in a line of its own.
@@ -81,16 +76,8 @@ class _Helped(click.Command):
 class Command(_Helped):
     """A command whose help ends with examples, and that knows the old names of its options."""
 
-    def __init__(self, *args: Any, renamed: Mapping[str, str] | None = None, **kwargs: Any) -> None:
-        """Make a command.
-
-        Args:
-            args: of click.
-            renamed: options' names by the old ones, which still work until 0.3.0 and which no help shows.
-            kwargs: of click, and `examples`.
-        """
-        super().__init__(*args, **kwargs)
-        self.renamed = {**_OLD_OPTIONS, **(renamed or {})}
+    renamed: ClassVar[Mapping[str, str]] = OLD_OPTIONS
+    """Options' names by the old ones, which still work until 0.3.0 and which no help shows."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments; UsageError for one too many.
@@ -217,11 +204,11 @@ class _Program(Group):
 
 @click.group(
     cls=_Program,
-    examples=(
-        "lighting envmap photo.jpg                      # photo.exr, a map that lights like the photo",
-        "lighting scene photo.jpg --for blender         # a folder that Blender opens",
-        "lighting envmap photo.jpg --sun 40,25 -o b.exr # the same with another sun",
-    ),
+    epilog="""
+    lighting envmap photo.jpg                      # photo.exr, a map that lights like the photo
+    lighting scene photo.jpg --for blender         # a folder that Blender opens
+    lighting envmap photo.jpg --sun 40,25 -o b.exr # the same with another sun
+    """,
 )
 @click.version_option(__version__)
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")

@@ -74,11 +74,11 @@ class _Options:
 
 @cli.command(
     "batch",
-    examples=(
-        "lighting batch photos results                       # results/lighting.jsonl; run again to go on",
-        'lighting batch "photos/**/*.jpg" results --envmap   # and a map of each photo',
-        "lighting batch photos results --parquet --workers 8",
-    ),
+    epilog="""
+    lighting batch photos results                       # results/lighting.jsonl; run again to go on
+    lighting batch "photos/**/*.jpg" results --envmap   # and a map of each photo
+    lighting batch photos results --parquet --workers 8
+    """,
 )
 @click.argument("input", type=common.FileName())
 @click.argument("out", required=False, type=common.FileName(), callback=common.check_folder_name)

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 @cli.command(
     "envmap",
-    examples=(
-        "lighting envmap photo.jpg                           # photo.exr beside it",
-        "lighting envmap photo.jpg -o warm.exr --sun 40,25 --exposure +0.5",
-        "lighting envmap *.jpg -o maps/ --height 1024        # a map of each photo",
-    ),
+    epilog="""
+    lighting envmap photo.jpg                           # photo.exr beside it
+    lighting envmap photo.jpg -o warm.exr --sun 40,25 --exposure +0.5
+    lighting envmap *.jpg -o maps/ --height 1024        # a map of each photo
+    """,
 )
 @common.file_output(console.MAPS, several=True)
 @common.map_options
@@ -71,11 +71,11 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str) -> 
 
 @cli.command(
     "preview",
-    examples=(
-        "lighting preview photo.jpg                          # photo-preview.png beside it",
-        "lighting preview photo.jpg --overcast -o gray.png   # under clouds",
-        "lighting preview *.jpg -o previews/                 # one of each photo",
-    ),
+    epilog="""
+    lighting preview photo.jpg                          # photo-preview.png beside it
+    lighting preview photo.jpg --overcast -o gray.png   # under clouds
+    lighting preview *.jpg -o previews/                 # one of each photo
+    """,
 )
 @common.file_output(console.PREVIEWS, several=True)
 @common.photo_options
@@ -100,11 +100,11 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
 
 @cli.command(
     "render",
-    examples=(
-        "lighting estimate --json photo.jpg > light.json     # a record, to keep or to edit",
-        "lighting render light.json --photo photo.jpg        # light.exr, the map that envmap makes",
-        "lighting render light.json -o sky.exr               # the sky alone",
-    ),
+    epilog="""
+    lighting estimate --json photo.jpg > light.json     # a record, to keep or to edit
+    lighting render light.json --photo photo.jpg        # light.exr, the map that envmap makes
+    lighting render light.json -o sky.exr               # the sky alone
+    """,
 )
 @click.argument("record", metavar="LIGHTING.json", type=common.FileName())
 @common.file_output(console.MAPS)
@@ -177,11 +177,11 @@ def _formats() -> list[str]:
 
 @cli.command(
     "light-probe",
-    examples=(
-        "lighting light-probe photo.jpg > probe.json",
-        "lighting light-probe photo.jpg --for unity > probe.json",
-        "lighting light-probe light.json --for threejs",
-    ),
+    epilog="""
+    lighting light-probe photo.jpg > probe.json
+    lighting light-probe photo.jpg --for unity > probe.json
+    lighting light-probe light.json --for threejs
+    """,
 )
 @click.argument("source", metavar="PHOTO|LIGHTING.json", type=common.FileName())
 @click.option(

@@ -85,11 +85,11 @@ def _refuse_fit(_ctx: click.Context, _param: click.Parameter, value: str | None)
 
 @cli.command(
     "estimate",
-    examples=(
-        "lighting estimate photo.jpg",
-        "lighting estimate --json *.jpg > lights.jsonl       # a record a line",
-        "lighting estimate photo.jpg --time 2024-06-01T18:30+02:00 --lat 48.14 --lon 11.58",
-    ),
+    epilog="""
+    lighting estimate photo.jpg
+    lighting estimate --json *.jpg > lights.jsonl       # a record a line
+    lighting estimate photo.jpg --time 2024-06-01T18:30+02:00 --lat 48.14 --lon 11.58
+    """,
 )
 @click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=common.FileName())
 @common.json_option

@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 
 @cli.command(
     "info",
-    examples=(
-        "lighting info photo.jpg                             # its metadata, and the time that is believed",
-        "lighting info photo.exr                             # size, and the record in the header",
-        "lighting info light.json",
-    ),
+    epilog="""
+    lighting info photo.jpg                             # its metadata, and the time that is believed
+    lighting info photo.exr                             # size, and the record in the header
+    lighting info light.json
+    """,
 )
 @click.argument("file", type=FileName())
 @click.option("--json", is_flag=True, expose_value=False, help="JSON, which is all that it prints.")
@@ -186,11 +186,11 @@ class _Finding:
 
 @cli.command(
     "doctor",
-    examples=(
-        "lighting doctor",
-        "lighting doctor --json                              # for a report of a fault",
-        "lighting doctor --quiet && echo all that is needed works",
-    ),
+    epilog="""
+    lighting doctor
+    lighting doctor --json                              # for a report of a fault
+    lighting doctor --quiet && echo all that is needed works
+    """,
 )
 @common.json_option
 @click.option("-q", "--quiet", is_flag=True, help="Only what is missing and needed.")

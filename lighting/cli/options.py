@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from datetime import datetime
 from functools import wraps
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lighting.records import Lighting
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+_Value = TypeVar("_Value")
 
 
 def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
@@ -312,9 +313,11 @@ def parse_time_option(_ctx: click.Context, _param: click.Parameter, text: str | 
         _param: of click.
         text: such as 2024-06-01T14:30+02:00; None where not stated.
     """
+    if text is None:
+        return None
     from lighting.photo.clock import parse_time
 
-    return None if text is None else _parsed(parse_time, text)
+    return _parsed(parse_time, text)
 
 
 def parse_utc_offset_option(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
@@ -325,9 +328,11 @@ def parse_utc_offset_option(_ctx: click.Context, _param: click.Parameter, text: 
         _param: of click.
         text: such as +02:00 or 2; None where not stated.
     """
+    if text is None:
+        return None
     from lighting.photo.clock import parse_utc_offset
 
-    return None if text is None else _parsed(parse_utc_offset, text)
+    return _parsed(parse_utc_offset, text)
 
 
 def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) -> list[float] | None:
@@ -336,7 +341,7 @@ def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) ->
     return None if text is None else _parsed(read_headings, text)
 
 
-def _parsed(read: Callable[[str], Any], text: str) -> Any:
+def _parsed(read: Callable[[str], _Value], text: str) -> _Value:
     try:
         return read(text)
     except ParameterError as error:

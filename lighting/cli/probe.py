@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import lighting.cli.console as console
-from lighting.cli import cli
+from lighting.cli import OLD_OPTIONS, Command, cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
 from lighting.cli.options import FiniteRange, Number
@@ -29,13 +29,17 @@ if TYPE_CHECKING:
 KINDS = ("equidistant", "equisolid", "ball", "latlong")
 
 
+class _MergeCommand(Command):
+    renamed = {**OLD_OPTIONS, "--fov": "--lens-fov"}  # noqa: RUF012 - of the class above
+
+
 @cli.group(
     "probe",
-    examples=(
-        "lighting probe merge bracket/ --lens equidistant -o sky.exr",
-        "lighting probe merge day/ --series --lens equidistant -o probes/",
-        "lighting probe fit sky.exr",
-    ),
+    epilog="""
+    lighting probe merge bracket/ --lens equidistant -o sky.exr
+    lighting probe merge day/ --series --lens equidistant -o probes/
+    lighting probe fit sky.exr
+    """,
 )
 def _probe() -> None:
     """Measure skies: merge bracketed exposures, fit the sky model."""
@@ -56,12 +60,12 @@ def _pair(text: str, what: str) -> tuple[float, float]:
 
 @_probe.command(
     "merge",
-    renamed={"--fov": "--lens-fov"},
-    examples=(
-        "lighting probe merge *.dng --lens equidistant       # FIRST-probe.exr beside the first",
-        "lighting probe merge ball_*.jpg --lens ball --time 2024-06-01T11:00+02:00 --lat 47 --lon 8",
-        "lighting probe merge day/ --series --lens equidistant --lens-fov 185 -o probes/    # all files of a day",
-    ),
+    cls=_MergeCommand,
+    epilog="""
+    lighting probe merge *.dng --lens equidistant       # FIRST-probe.exr beside the first
+    lighting probe merge ball_*.jpg --lens ball --time 2024-06-01T11:00+02:00 --lat 47 --lon 8
+    lighting probe merge day/ --series --lens equidistant --lens-fov 185 -o probes/    # all files of a day
+    """,
 )
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lens", "kind", type=click.Choice(KINDS), required=True, help="What took the pictures.")
@@ -270,11 +274,11 @@ def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -
 
 @_probe.command(
     "fit",
-    examples=(
-        "lighting probe fit sky.exr",
-        "lighting probe fit sky.exr --sun 120,35             # where the sun is, if it is hidden",
-        "lighting probe fit --json sky.exr",
-    ),
+    epilog="""
+    lighting probe fit sky.exr
+    lighting probe fit sky.exr --sun 120,35             # where the sun is, if it is hidden
+    lighting probe fit --json sky.exr
+    """,
 )
 @click.argument("sky", metavar="PROBE", type=click.Path(exists=True, dir_okay=False))
 @click.option("--sun", metavar="AZ,EL", callback=_direction, help="Where it is, deg. [found in the map]")

@@ -48,11 +48,11 @@ def _tool_options() -> list[click.Option]:
 @cli.command(
     "scene",
     cls=_SceneCommand,
-    examples=(
-        "lighting scene photo.jpg --for blender              # photo-blender/ beside it",
-        "lighting scene photo.jpg --for usd -o shot --sun -60,30 --haze 6",
-        "lighting scene *.jpg --for blender -o scenes/       # a folder for each photo",
-    ),
+    epilog="""
+    lighting scene photo.jpg --for blender              # photo-blender/ beside it
+    lighting scene photo.jpg --for usd -o shot --sun -60,30 --haze 6
+    lighting scene *.jpg --for blender -o scenes/       # a folder for each photo
+    """,
 )
 @click.option(
     "--for", "tool", required=True, type=common.RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."

@@ -29,11 +29,11 @@ _FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 @cli.command(
     "open",
-    examples=(
-        "lighting open                                       # the page, in your browser",
-        "lighting open photo.jpg                             # with the photo in it",
-        "BROWSER=firefox lighting open photo.jpg",
-    ),
+    epilog="""
+    lighting open                                       # the page, in your browser
+    lighting open photo.jpg                             # with the photo in it
+    BROWSER=firefox lighting open photo.jpg
+    """,
 )
 @click.argument("photo", required=False, type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @common.json_option
@@ -68,11 +68,11 @@ def _open(photo: Path | None, as_json: bool, quiet: bool) -> None:
 
 @cli.command(
     "serve",
-    examples=(
-        "lighting serve                                      # http://127.0.0.1:8000",
-        "lighting serve --port 9000",
-        "lighting serve --host 0.0.0.0                       # also for your phone: read SECURITY.md first",
-    ),
+    epilog="""
+    lighting serve                                      # http://127.0.0.1:8000
+    lighting serve --port 9000
+    lighting serve --host 0.0.0.0                       # also for your phone: read SECURITY.md first
+    """,
 )
 @click.option("--host", help="Address to listen on; 0.0.0.0 listens on all. [default: 127.0.0.1]")
 @click.option("--port", type=click.IntRange(0, 65535), help="Port to listen on; 0 picks a free one. [default: 8000]")

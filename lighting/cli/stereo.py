@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 @cli.group(
     "stereo",
-    examples=(
-        "lighting stereo plan --lat 48 --lon 11 --date 2026-06-21",
-        "lighting stereo plan --lat 48 --lon 11 --date 2026-05-01 --until 2026-08-31 -o plan.png",
-        "lighting stereo normals day/ --heading 10",
-    ),
+    epilog="""
+    lighting stereo plan --lat 48 --lon 11 --date 2026-06-21
+    lighting stereo plan --lat 48 --lon 11 --date 2026-05-01 --until 2026-08-31 -o plan.png
+    lighting stereo normals day/ --heading 10
+    """,
 )
 def _stereo() -> None:
     """Photometric stereo: when to photograph, and normals.
@@ -48,11 +48,11 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
 
 @_stereo.command(
     "plan",
-    examples=(
-        "lighting stereo plan --lat 48 --lon 11 --date 2026-06-21",
-        "lighting stereo plan --lat 48 --lon 11 --date 2026-05-01 --until 2026-08-31 -o plan.png",
-        "lighting stereo plan --probes skies/ --facing 180 --json",
-    ),
+    epilog="""
+    lighting stereo plan --lat 48 --lon 11 --date 2026-06-21
+    lighting stereo plan --lat 48 --lon 11 --date 2026-05-01 --until 2026-08-31 -o plan.png
+    lighting stereo plan --probes skies/ --facing 180 --json
+    """,
 )
 @click.option("--latitude", "--lat", type=Number("48.14"), metavar="DEG", help="Where: positive north.")
 @click.option("--longitude", "--lon", type=Number("11.58"), metavar="DEG", help="Where: positive east.")
@@ -191,11 +191,11 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 @_stereo.command(
     "normals",
-    examples=(
-        "lighting stereo normals day/                        # day-normals/ beside it",
-        "lighting stereo normals day/ --heading 10 -o relief",
-        "lighting stereo normals day/ --probes skies/ --mask statue.png --overwrite -o relief",
-    ),
+    epilog="""
+    lighting stereo normals day/                        # day-normals/ beside it
+    lighting stereo normals day/ --heading 10 -o relief
+    lighting stereo normals day/ --probes skies/ --mask statue.png --overwrite -o relief
+    """,
 )
 @click.argument("day", type=_FOLDER)
 @common.folder_output("DAY-normals")

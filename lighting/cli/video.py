@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 @cli.command(
     "video",
-    examples=(
-        "lighting video shot.mp4                             # shot-lighting/ beside it",
-        "lighting video shot.mp4 -o out --for blender --preview",
-        "lighting video shot.mp4 -o dusk --sun -70,5 --exposure -1",
-    ),
+    epilog="""
+    lighting video shot.mp4                             # shot-lighting/ beside it
+    lighting video shot.mp4 -o out --for blender --preview
+    lighting video shot.mp4 -o dusk --sun -70,5 --exposure -1
+    """,
 )
 @click.argument("clip", metavar="SHOT.mp4", type=common.FileName())
 @common.folder_output("SHOT-lighting")
