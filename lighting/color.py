@@ -181,6 +181,15 @@ def luminance(linear: ArrayLike) -> Floats:
     return np.asarray(np.asarray(linear) @ LUMINANCE_WEIGHTS)
 
 
+def max_channel(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the largest channel (...) of colors; numpy's maximum along so short an axis is ten times as slow.
+
+    Args:
+        image: (..., 3).
+    """
+    return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
+
+
 def tone_map(image: ArrayLike, exposure: float = 1.0) -> NDArray[np.uint8]:
     """Return the 8-bit display picture of linear radiance: exposure, sRGB transfer, clip.
 

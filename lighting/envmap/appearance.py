@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import luminance
-from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, max_channel, row_irradiance
+from lighting.color import luminance, max_channel
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, row_irradiance
 from lighting.envmap.projection import CLIPPED
 from lighting.envmap.render import level_irradiance, render
 from lighting.fields import clip_color

@@ -233,15 +233,6 @@ def set_irradiance(levels: Floats, rows: Image, irradiance: Floats) -> None:
     scale_colors(rows, irradiance / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE))
 
 
-def max_channel(image: Image) -> Image:
-    """The largest channel (...) of colors; numpy's maximum along so short an axis is ten times as slow.
-
-    Args:
-        image: (..., 3).
-    """
-    return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
-
-
 def multiply_cells(image: Image, cells: Image, columns: slice | None = None) -> None:
     """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centres.
 

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import color_and_intensity
-from lighting.envmap.latlong import Image, face_size, level_count, max_channel, prefilter_cubemap
+from lighting.color import color_and_intensity, max_channel
+from lighting.envmap.latlong import Image, face_size, level_count, prefilter_cubemap
 from lighting.files import encode_png
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats

@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lighting.color as color
-from lighting.color import CHROMATICITIES, chromaticities_to_rec709, luminance, srgb_decode, srgb_encode, tone_map
+from lighting.color import (
+    CHROMATICITIES,
+    chromaticities_to_rec709,
+    luminance,
+    max_channel,
+    srgb_decode,
+    srgb_encode,
+    tone_map,
+)
 from lighting.errors import EnvironmentMapError
 from lighting.files.exr import read_exr
 
@@ -106,3 +114,8 @@ def test_color_temperatures_have_ends() -> None:
     assert color.color_temperature([0.0, 0.0, 1.0]) == 40000.0
     assert color.color_temperature([0.2, 0.3, 0.9]) == 40000.0
     assert color.color_temperature([1.0, 0.2, 0.02]) == pytest.approx(1800, abs=100)
+
+
+def test_the_largest_channel_is_numpys() -> None:
+    image = np.random.default_rng(1).normal(size=(7, 5, 3)).astype(np.float32)
+    assert np.array_equal(max_channel(image), image.max(axis=-1))

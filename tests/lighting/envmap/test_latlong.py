@@ -10,7 +10,6 @@ from lighting.envmap.latlong import (
     _cubemap_directions,
     envmap_irradiance,
     irradiance_from_rows,
-    max_channel,
     prefilter_cubemap,
     remove_sun,
     row_irradiance,
@@ -30,11 +29,6 @@ def test_a_white_sky_lights_level_ground_by_pi() -> None:
     assert levels[:20].sum() == pytest.approx(np.pi)
     assert levels == pytest.approx(levels[::-1])
     assert irradiance_from_rows(levels[:20], np.ones((20, 80, 3), np.float32)) == pytest.approx([np.pi] * 3)
-
-
-def test_the_brightest_channel_is_numpys() -> None:
-    image = np.random.default_rng(1).normal(size=(7, 5, 3)).astype(np.float32)
-    assert np.array_equal(max_channel(image), image.max(axis=-1))
 
 
 def test_a_map_is_multiplied_by_a_colour_in_place() -> None:
