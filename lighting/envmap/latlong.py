@@ -9,7 +9,7 @@ References:
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -244,11 +244,9 @@ def multiply_cells(image: Image, cells: Image, columns: slice | None = None) -> 
         columns: of a map of H rows, that the image has; None: the image has all of the grid's directions.
     """
     height, width = image.shape[:2] if columns is None else (len(image), 2 * len(image))
-    across = _interpolation_weights(width, cells.shape[1], True)[slice(None) if columns is None else columns]
-    wide = (across @ cells).reshape(len(cells), -1)  # (R, 3 W)
-    down = _interpolation_weights(height, len(cells), False)
+    wide = _widen_cells(cells, width, slice(None) if columns is None else columns)
     flat = image.reshape(height, -1)
-    for band, near, shares in _row_bands(down):
+    for band, near, shares in _row_bands(height, len(cells), 0, height):
         flat[band] *= shares @ wide[near]
 
 
@@ -261,22 +259,40 @@ def interpolate_cells(cells: Image, height: int, rows: slice, columns: slice) ->
         rows: of the window.
         columns: of the window.
     """
-    down = _interpolation_weights(height, len(cells), False)[rows]
-    across = _interpolation_weights(2 * height, cells.shape[1], True)[columns]
-    wide = (across @ cells).reshape(len(cells), -1)
-    window = np.empty((len(down), wide.shape[1]), np.float32)
-    for band, near, shares in _row_bands(down):
-        np.matmul(shares, wide[near], out=window[band])
-    return window.reshape(len(down), len(across), 3)
+    bands = _row_bands(height, len(cells), rows.start, rows.stop)
+    window = np.empty((rows.stop - rows.start, columns.stop - columns.start, 3), np.float32)
+    if not bands:
+        return window
+    first, last = bands[0][1].start, bands[-1][1].stop  # of the cells that count
+    wide, flat = _widen_cells(cells[first:last], 2 * height, columns), window.reshape(len(window), -1)
+    for band, near, shares in bands:
+        np.matmul(shares, wide[near.start - first : near.stop - first], out=flat[band])
+    return window
 
 
-def _row_bands(down: NDArray[np.float32]) -> Iterator[tuple[slice, slice, NDArray[np.float32]]]:
-    """Rows in bands, the rows of cells that count for each, and their shares, of the shares (r, R) of all."""
-    for start in range(0, len(down), _BAND_ROWS):
-        band = slice(start, start + _BAND_ROWS)
+def _widen_cells(cells: Image, width: int, columns: slice) -> Image:
+    """Rows of cells (R, C, 3) between which columns of a map of some width are linear: (R, 3 c)."""
+    across = _interpolation_weights(width, cells.shape[1], True)[columns]
+    return np.asarray((across @ cells).reshape(len(cells), -1))
+
+
+@lru_cache(maxsize=32)
+def _row_bands(height: int, cells: int, start: int, stop: int) -> list[tuple[slice, slice, NDArray[np.float32]]]:
+    """Some of a map's rows in bands, counted from the first: the rows of cells that count for each, and their shares.
+
+    Args:
+        height: rows of the map.
+        cells: rows of cells.
+        start: of the rows.
+        stop: of the rows.
+    """
+    down, bands = _interpolation_weights(height, cells, False)[start:stop], []
+    for first in range(0, len(down), _BAND_ROWS):
+        band = slice(first, first + _BAND_ROWS)
         near = np.flatnonzero(down[band].any(axis=0))
         between = slice(int(near[0]), int(near[-1]) + 1)
-        yield band, between, down[band, between]
+        bands.append((band, between, down[band, between]))
+    return bands
 
 
 @lru_cache(maxsize=32)
