@@ -20,7 +20,7 @@ from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directi
 Image = NDArray[np.float32]
 
 MAX_RADIANCE = 65280.0  # of what is painted: 255 x 256, the largest value of RGBE up to 65504, where half floats end
-_BAND_ROWS = 32  # that are multiplied at once
+_BAND_PIXELS = 32  # rows or columns between few cells, that are interpolated at once
 _BLOCK_PIXELS = 1 << 20  # of a map that are worked on at once, where much is computed of each
 _SHARED_PIXELS = 1 << 18  # of a map from which threads share the work
 _BLOCK_STEP = 64  # columns of which blocks are multiples, so that products of matrices keep their bits
@@ -244,9 +244,9 @@ def multiply_cells(image: Image, cells: Image, columns: slice | None = None) -> 
         columns: of a map of H rows, that the image has; None: the image has all of the grid's directions.
     """
     height, width = image.shape[:2] if columns is None else (len(image), 2 * len(image))
-    wide = _widen_cells(cells, width, slice(None) if columns is None else columns)
+    wide = _widen_cells(cells, width, slice(0, width) if columns is None else columns)
     flat = image.reshape(height, -1)
-    for band, near, shares in _row_bands(height, len(cells), 0, height):
+    for band, near, shares in _interpolation_bands(height, len(cells), False, 0, height):
         flat[band] *= shares @ wide[near]
 
 
@@ -259,7 +259,7 @@ def interpolate_cells(cells: Image, height: int, rows: slice, columns: slice) ->
         rows: of the window.
         columns: of the window.
     """
-    bands = _row_bands(height, len(cells), rows.start, rows.stop)
+    bands = _interpolation_bands(height, len(cells), False, rows.start, rows.stop)
     window = np.empty((rows.stop - rows.start, columns.stop - columns.start, 3), np.float32)
     if not bands:
         return window
@@ -271,27 +271,32 @@ def interpolate_cells(cells: Image, height: int, rows: slice, columns: slice) ->
 
 
 def _widen_cells(cells: Image, width: int, columns: slice) -> Image:
-    """Rows of cells (R, C, 3) between which columns of a map of some width are linear: (R, 3 c)."""
-    across = _interpolation_weights(width, cells.shape[1], True)[columns]
-    return np.asarray((across @ cells).reshape(len(cells), -1))
+    """Rows of cells (R, C, 3) in some columns of a map of some width: (R, 3 c)."""
+    wide = np.empty((len(cells), columns.stop - columns.start, 3), np.float32)
+    for band, near, shares in _interpolation_bands(width, cells.shape[1], True, columns.start, columns.stop):
+        np.matmul(shares, cells[:, near], out=wide[:, band])
+    return wide.reshape(len(cells), -1)
 
 
-@lru_cache(maxsize=32)
-def _row_bands(height: int, cells: int, start: int, stop: int) -> list[tuple[slice, slice, NDArray[np.float32]]]:
-    """Some of a map's rows in bands, counted from the first: the rows of cells that count for each, and their shares.
+@lru_cache(maxsize=64)
+def _interpolation_bands(
+    pixels: int, cells: int, wraps: bool, start: int, stop: int
+) -> list[tuple[slice, slice, NDArray[np.float32]]]:
+    """Some rows or columns in bands: where each is, which cells count for it, and their shares in its pixels.
 
     Args:
-        height: rows of the map.
-        cells: rows of cells.
-        start: of the rows.
-        stop: of the rows.
+        pixels: rows or columns of the map.
+        cells: rows or columns of cells.
+        wraps: True of columns.
+        start: of the pixels; bands are counted from it.
+        stop: of the pixels.
     """
-    down, bands = _interpolation_weights(height, cells, False)[start:stop], []
-    for first in range(0, len(down), _BAND_ROWS):
-        band = slice(first, first + _BAND_ROWS)
-        near = np.flatnonzero(down[band].any(axis=0))
+    weights, bands = _interpolation_weights(pixels, cells, wraps)[start:stop], []
+    for first in range(0, len(weights), _BAND_PIXELS):
+        band = slice(first, min(first + _BAND_PIXELS, len(weights)))
+        near = np.flatnonzero(weights[band].any(axis=0))
         between = slice(int(near[0]), int(near[-1]) + 1)
-        bands.append((band, between, down[band, between]))
+        bands.append((band, between, weights[band, between]))
     return bands
 
 
