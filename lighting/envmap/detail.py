@@ -117,9 +117,9 @@ class _MapDetail:
         self._library.fill(detail, columns)
         tint = interpolate_cells(self._tint, height, slice(0, height // 2), columns)
         calm = None if self._calm is None else interpolate_cells(self._calm, height, self._calmed, columns)
+        coarse = None if photo is None else interpolate_cells(self._coarse, height, photo.rows, photo.columns)
         _color_dark(detail, tint)
-        if photo is not None:
-            coarse = interpolate_cells(self._coarse, height, photo.rows, photo.columns)
+        if photo is not None and coarse is not None:
             _blend_continuation(detail, columns, photo, coarse)
         if calm is not None:
             part = detail[self._calmed]

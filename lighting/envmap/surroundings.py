@@ -235,7 +235,7 @@ def render_with_surroundings(
         upper_done.result()
         if found is not None:
             add_detail(image, found, lighting, context.photo, photo, gain, pool)
-            list(pool.map(lambda rows, target: photo.lay(image, rows, target, gain), halves, targets))
+            list(pool.map(partial(photo.lay, image, gain=gain), halves, targets))
     cap_map(image, lighting)
     if has_disc:
         add_sun(image, lighting)
@@ -426,10 +426,10 @@ def _photo_ratios(
 
 def _spread_ratios(values: Image, visible: NDArray[np.bool_], rows: int, part: slice) -> Image:
     """Values (P, 2R, 3) of a part of a map's rows, spread from the cells (P, 2R) that the photo shows to all others."""
-    elevation = np.asarray(latlong_angles(rows)[1], dtype=np.float32)
     row, column = np.nonzero(visible)
-    level = np.cos(np.radians(elevation[part]))[:, None, None]
-    beside2 = (level * _column_turns(rows).take(column, axis=1)) ** 2  # (P, 2R, K)
+    turn = _column_turns(rows).take(column, axis=1)
+    elevation = np.asarray(latlong_angles(rows)[1], dtype=np.float32)
+    beside2 = (np.cos(np.radians(elevation[part]))[:, None, None] * turn) ** 2  # (P, 2R, K)
     above2 = (elevation[part][:, None, None] - elevation[part][row]) ** 2
     distance2 = np.float32(_NEAR_DEG**2) + beside2 + np.float32(_VERTICAL_STRETCH**2) * above2
     weight = distance2 ** np.float32(-_DISTANCE_POWER)
