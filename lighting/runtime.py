@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -37,6 +37,7 @@ _KEPT_PREFIXES = ("MKL_", "NPY_", "OMP_", "OPENBLAS_", "OPENCV_")  # how arrays 
 _MAX_SECONDS = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
 _KEPT = 1 << 28  # bytes of free memory that the process keeps
+_MARGIN = 1 << 20  # bytes, by which a block is smaller than those that are requested from the system
 _BUFFER = 1 << 25  # bytes; larger blocks are requested from the system each time; glibc allows no larger limit
 _SET_NO_NEW_PRIVILEGES = 38  # of prctl(2)
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446  # system calls of Landlock
@@ -311,6 +312,20 @@ def keep_memory(heaps: int = 1) -> None:
     if keep:  # musl has none
         for option, value in ((_M_ARENA_MAX, heaps), (_M_TRIM_THRESHOLD, _KEPT), (_M_MMAP_THRESHOLD, _BUFFER)):
             keep(option, value)
+
+
+def reserve_heap(blocks: int) -> None:
+    """Let the heap of this thread grow at once, after `keep_memory`, and not by single pages while it is used.
+
+    What is reserved takes no memory before it is written, and then in large pages, for which NumPy asks the system.
+
+    Args:
+        blocks: to reserve, of nearly 32 MiB each.
+    """
+    import numpy as np
+
+    with suppress(MemoryError):
+        _ = [np.empty(_BUFFER - _MARGIN, np.uint8) for _ in range(blocks)]
 
 
 def available_cpus() -> int:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from lighting.errors import ModelError
-from lighting.runtime import keep_memory
+from lighting.runtime import keep_memory, reserve_heap
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
@@ -56,6 +56,8 @@ class _EarlySession:
         import_onnxruntime()  # here, for two threads that import wait for each other
         file = packaged_network(_DATA, "outdoor")
         self.thread = ThreadPoolExecutor(1)
+        self.thread.submit(reserve_heap, 2)
+        reserve_heap(1)
         self.session = self.thread.submit(create_session, file, 0, for_one_run=True)
 
 

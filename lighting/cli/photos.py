@@ -147,8 +147,8 @@ def estimate_photo(
 ) -> "tuple[Photo, Estimate]":
     """Decode a photo and estimate its light.
 
-    A thread loads the network meanwhile, and runs it while this one imports what comes after, and calls `meanwhile`.
-    While this one refines the prediction, the thread runs the second network, which is loaded after the first is gone.
+    A thread loads the network meanwhile, and runs it while this one imports what comes after. Then it runs the second
+    network, which is loaded after the first is gone, while this one refines the prediction and calls `meanwhile`.
     Ctrl-C ends the process at once, for nothing is written yet.
 
     Args:
@@ -156,7 +156,7 @@ def estimate_photo(
         data: the photo's bytes.
         user_input: what the user states of it.
         model: a network's file; None is the one in this package.
-        meanwhile: what to do while the networks run.
+        meanwhile: what to do while the second network runs.
     """
     from lighting.photo.reader import read_photo
 
@@ -171,8 +171,8 @@ def estimate_photo(
         predictions = thread.submit(network.predict, preprocess(picture, network.spec))
         del loading, network  # so that the network is gone with its answer
         segments = thread.submit(_segment, picture)
-        meanwhile()
         predicted = refine_prediction(predictions.result()[0], picture, user_input)
+        meanwhile()
         return picture, estimate_from_prediction(picture, predicted, segments.result(), user_input)
 
 

@@ -164,3 +164,19 @@ def test_products_of_matrices_run_on_one_thread_while_anybody_needs_that() -> No
             assert set(threads()) <= {1}
         assert set(threads()) <= {1}
     assert threads() == before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_what_is_reserved_takes_no_memory() -> None:
+    code = """
+import numpy
+from pathlib import Path
+from lighting.runtime import keep_memory, reserve_heap
+def pages(): return int(Path("/proc/self/statm").read_text().split()[1])
+keep_memory()
+before = pages()
+reserve_heap(2)
+print(pages() - before)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert int(done.stdout) < 1000
