@@ -62,7 +62,7 @@ class _Options:
         maps = None
         if self.envmap:
             compression = self.compression or "zip"
-            view = self.height, common.choose_sun(self.sun, self.adjustments), self.yaw, self.sky
+            view = self.height, self.sun, self.yaw, self.sky
             place = self.surroundings, self.detail
             maps = MapOptions(*view, compression, *place, self.colours or "rec709", self.adjustments)
         return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input)
@@ -86,7 +86,6 @@ class _Options:
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @common.map_options
 @common.adjustment_options
-@common.no_sun_option
 @common.surroundings_option
 @common.detail_option
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")

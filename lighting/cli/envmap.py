@@ -43,13 +43,12 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **
         _check_preview(chosen, names, preview)
     for name in names:
         _check_exr_options(name, view["compression"], view["colours"])
-    sun = common.choose_sun(chosen.sun, chosen.adjustments)
 
     def work(number: int, photo: EstimatedPhoto) -> list[str]:
         context = _map_context(photo, view["height"], chosen.surroundings, chosen.detail)
         lighting, output = chosen.adjust(photo.estimate.lighting), names[number]
         _make_parent(output)
-        _write_output_map(output, lighting, sun=sun, context=context, **view)
+        _write_output_map(output, lighting, sun=chosen.sun, context=context, **view)
         files = {"output": output}
         if preview:
             _write_preview(preview, photo, lighting, chosen)
@@ -117,7 +116,6 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
 )
 @common.map_options
 @common.adjustment_options
-@common.no_sun_option
 @common.surroundings_option
 @common.detail_option
 @common.user_input_options
@@ -138,7 +136,6 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     _check_exr_options(name, options["compression"], options["colours"])
     as_json, quiet, adjustments = (options.pop(key) for key in ("as_json", "quiet", "adjustments"))
     console.check_json(as_json, [name])
-    options["sun"] = common.choose_sun(options["sun"], adjustments)
     place = {key: options.pop(key) for key in ("surroundings", "detail", "user_input", "model")}
     if photo is None:
         _refuse_place(**place)
@@ -271,9 +268,9 @@ def _write_preview(output: str, photo: EstimatedPhoto, lighting: "Lighting", cho
     from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels, encode_preview_png
 
     pixels = read_photo(photo.data, target=PHOTO_SIDE).pixels
-    sun = common.choose_sun(chosen.sun, chosen.adjustments)
+    surroundings, detail, sun = chosen.surroundings, chosen.detail, chosen.sun
     picture = draw_preview_pixels(
-        pixels, photo.estimate, surroundings=chosen.surroundings, detail=chosen.detail, lighting=lighting, sun=sun
+        pixels, photo.estimate, surroundings=surroundings, detail=detail, lighting=lighting, sun=sun
     )
     console.write_bytes(output, encode_preview_png(picture))
 

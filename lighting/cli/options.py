@@ -375,7 +375,10 @@ def _exposure(_ctx: click.Context, _param: click.Parameter, text: str) -> float:
 
 
 def adjustment_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add what adjusts a light by hand; a command receives `adjustments`, None without any.
+    """Add what adjusts a light by hand, and --no-sun.
+
+    A command receives `adjustments`, None without any, and `sun`, whether the sun is painted: one that the user moved
+    is.
 
     Args:
         command: that receives them.
@@ -385,6 +388,10 @@ def adjustment_options(command: Callable[..., None]) -> Callable[..., None]:
     def with_adjustments(*args: Any, **options: Any) -> None:
         names = ("sun_direction", "exposure", "haze", "overcast")
         sun, exposure, haze, overcast = (options.pop(name) for name in names)
+        if sun is not None:
+            if options["sun"] is False:
+                raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
+            options["sun"] = True
         if sun is None and not exposure and haze is None and not overcast:
             command(*args, adjustments=None, **options)
             return
@@ -418,6 +425,7 @@ _ADJUSTMENTS: tuple[Decorator, ...] = (
     click.option(
         "--overcast", is_flag=True, help="Cover the sky with clouds: no sun, five sixths of a clear sky's light, gray."
     ),
+    no_sun_option,
 )
 
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
@@ -511,7 +519,7 @@ class PhotoOptions:
     detail: bool
     """Whether they then have detail all around the photo."""
     sun: bool | None
-    """Whether it is in maps and scenes."""
+    """Whether it is in maps and scenes. None: where it shines."""
     adjustments: "Adjustments | None"
     """What the user changes of the light. None: nothing."""
     user_input: "UserInput"
@@ -551,8 +559,7 @@ class PhotoOptions:
         """
         probe = None
         if self.as_json:
-            sun = choose_sun(self.sun, self.adjustments)
-            probe = answer.replace(lighting=lighting).light_probe(sun=sun, surroundings=self.surroundings)
+            probe = answer.replace(lighting=lighting).light_probe(sun=self.sun, surroundings=self.surroundings)
         crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
         print_estimate(photo, lighting, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
 
@@ -573,7 +580,6 @@ def photo_options(command: Callable[..., None]) -> Callable[..., None]:
         with_chosen,
         click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName()),
         adjustment_options,
-        no_sun_option,
         surroundings_option,
         detail_option,
         user_input_options,
@@ -582,20 +588,6 @@ def photo_options(command: Callable[..., None]) -> Callable[..., None]:
         json_option,
         silent_option,
     )
-
-
-def choose_sun(sun: bool | None, adjustments: "Adjustments | None") -> bool | None:
-    """Return whether the sun is painted; one that the user moved is. UsageError where it is also to be left out.
-
-    Args:
-        sun: False where it is left out; None without a word.
-        adjustments: may move it; None: nothing.
-    """
-    if adjustments is None or adjustments.sun is None:
-        return sun
-    if sun is False:
-        raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
-    return True
 
 
 @contextmanager

@@ -93,8 +93,9 @@ def _scene(
         plate = read_photo(photo.data, target=PLATE_SIDE)
         lighting = chosen.adjust(stored or answer.lighting)
         context = photo_context(answer, plate.pixels, surroundings=chosen.surroundings, detail=chosen.detail)
-        sun = common.choose_sun(chosen.sun, chosen.adjustments)
-        scene = make_scene(plate, lighting, map_height=height, sun=sun, context=context, segments=answer.segments)
+        scene = make_scene(
+            plate, lighting, map_height=height, sun=chosen.sun, context=context, segments=answer.segments
+        )
         write_scene(scene, tool, folders[number], overwrite=chosen.overwrite, **stated)
         files = {"output": folders[number]}
         chosen.print_estimate(photo.name, answer, lighting, scene.warnings, files)

@@ -52,7 +52,6 @@ if TYPE_CHECKING:
 )
 @common.height_option
 @common.adjustment_options
-@common.no_sun_option
 @common.user_input_options
 @common.model_option
 @common.strict_option
@@ -86,7 +85,6 @@ def _video(
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
-    options["sun"] = common.choose_sun(options["sun"], options["adjustments"])
     folder = Path(console.choose_folder(clip, output, "-lighting"))
     job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options))
     if objection := output_folder_error(job.folder, overwrite=overwrite):

@@ -135,9 +135,6 @@ class UserInput:
             raise ParameterError("A time needs a place, and a place a time.", missing, ErrorCode.MISSING)
 
 
-describe_fields(UserInput)
-
-
 def _stated_once(name: str, value: float | None, short: float | None) -> float | None:
     """The value of a field that has a short form."""
     if value is not None and short is not None:
@@ -146,6 +143,7 @@ def _stated_once(name: str, value: float | None, short: float | None) -> float |
 
 
 NO_USER_INPUT = UserInput()
+describe_fields(UserInput)
 
 
 def check_user_input(value: object) -> None:

@@ -133,12 +133,12 @@ def _read_stored(data: bytes) -> _Stored:
     page = photo_page(data)
     first_page = page.as_first(data) if page else data
     image = _open(first_page)
-    check_bit_depth(image, all_bits=True)
     if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
         samples = _read_samples(image, first_page)
         tags = read_tags(image)
         encoding = read_color_encoding(image, first_page, tags, tags)
         return _Stored(samples, image, tags, tags.orientation, encoding.to_rec709)
+    check_bit_depth(image, all_bits=True)
     own, tags = read_tags(image), read_tags(_open(first_page if page and page.has_exif else data))
     samples = _undo_upright(_read_samples(image, first_page), own.orientation)  # Pillow has rotated it
     orientation = tags.orientation if page and not page.has_orientation else own.orientation

@@ -133,11 +133,9 @@ def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
     """Raise PhotoError for a TIFF whose colors Pillow does not read.
 
     Args:
-        image: opened by Pillow; other formats pass.
+        image: a TIFF, opened by Pillow.
         all_bits: whether all bits of its colors are needed, not the high ones alone.
     """
-    if image.format != "TIFF":
-        return
     if image.mode in _32_BIT_MODES:
         raise PhotoError(
             "The TIFF holds 32 bits per colour, or signed ones, whose white is unknown; convert it to 8 or 16 bits."

@@ -372,7 +372,8 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
         raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else unreadable_sentence(data)) from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
-    check_bit_depth(image)
+    if image.format == "TIFF":
+        check_bit_depth(image)
     _check_size(*image.size, *_pixel_limit(image, data, max_pixels))
     if image.format == "AVIF":
         from lighting.photo.formats import complete_avif
