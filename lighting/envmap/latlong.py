@@ -291,13 +291,12 @@ def _interpolation_bands(
         start: of the pixels; bands are counted from it.
         stop: of the pixels.
     """
-    weights, bands = _interpolation_weights(pixels, cells, wraps)[start:stop], []
-    for first in range(0, len(weights), _BAND_PIXELS):
-        band = slice(first, min(first + _BAND_PIXELS, len(weights)))
-        near = np.flatnonzero(weights[band].any(axis=0))
-        between = slice(int(near[0]), int(near[-1]) + 1)
-        bands.append((band, between, weights[band, between]))
-    return bands
+    weights = _interpolation_weights(pixels, cells, wraps)[start:stop]
+    starts = np.arange(0, len(weights), _BAND_PIXELS)
+    counts = np.add.reduceat(weights, starts, axis=0) > 0  # which cells (bands, cells) do
+    first, end = counts.argmax(axis=1).tolist(), (cells - counts[:, ::-1].argmax(axis=1)).tolist()
+    bands = [slice(start, min(start + _BAND_PIXELS, len(weights))) for start in starts.tolist()]
+    return [(band, slice(a, b), weights[band, a:b]) for band, a, b in zip(bands, first, end, strict=True)]
 
 
 @lru_cache(maxsize=32)
