@@ -11,6 +11,7 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.options import PhotoOptions
 from lighting.cli.photos import EstimatedPhoto, estimate_file, process_photos
+from lighting.files import MAP_FORMATS, encode_envmap, write_envmap
 
 if TYPE_CHECKING:
     import numpy as np
@@ -239,14 +240,21 @@ def _check_exr_options(output: str, compression: str | None, colours: str | None
         compression: that the user stated; None without.
         colours: the same.
     """
-    from lighting.files import MAP_FORMATS
+    packed = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
+    if compression is not None and not _ends_in(output, packed):
+        raise click.UsageError(f"--compression needs an output in {' or '.join(packed)}.")
+    if colours is not None and not _ends_in(output, _headed_suffixes()):
+        raise click.UsageError(f"--colours needs an output in {' or '.join(_headed_suffixes())}.")
 
-    suffixes = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
-    if compression is not None and output != "-" and not output.lower().endswith(tuple(suffixes)):
-        raise click.UsageError(f"--compression needs an output in {' or '.join(suffixes)}.")
-    headed = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.has_header]
-    if colours is not None and output != "-" and not output.lower().endswith(tuple(headed)):
-        raise click.UsageError(f"--colours needs an output in {' or '.join(headed)}.")
+
+def _headed_suffixes() -> list[str]:
+    """Of files that hold lighting and probe, and say in which colours they are."""
+    return [f".{name}" for name, entry in MAP_FORMATS.items() if entry.has_header]
+
+
+def _ends_in(output: str, suffixes: Sequence[str]) -> bool:
+    """Whether a map's name ends in a suffix; "-" is EXR on stdout."""
+    return output == "-" or output.lower().endswith(tuple(suffixes))
 
 
 def _make_parent(name: str) -> None:
@@ -333,11 +341,10 @@ def _write_output_map(
         view_options: of `render_view`.
     """
     from lighting.envmap.surroundings import render_view
-    from lighting.files import MAP_FORMATS, check_map_name, encode_envmap, write_envmap
     from lighting.light_probe import compute_light_probe
 
     probe = None
-    if output == "-" or MAP_FORMATS[check_map_name(output)].has_header:
+    if _ends_in(output, _headed_suffixes()):
         probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
     image, lighting = render_view(lighting, **view_options)
     file: Any = {"compression": compression or "zip", "colours": colours or "rec709", "probe": probe, "overwrite": True}
