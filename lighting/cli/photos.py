@@ -148,7 +148,7 @@ def estimate_photo(
     """Decode a photo and estimate its light.
 
     A thread loads the network meanwhile, and runs it while this one imports what comes after. Then it runs the second
-    network, which is loaded after the first is gone, while this one refines the prediction and calls `meanwhile`.
+    network, which is loaded after the first is gone, while this one calls `meanwhile` and refines the prediction.
     Ctrl-C ends the process at once, for nothing is written yet.
 
     Args:
@@ -158,21 +158,22 @@ def estimate_photo(
         model: a network's file; None is the one in this package.
         meanwhile: what to do while the second network runs.
     """
+    from lighting.model import preprocess
     from lighting.photo.reader import read_photo
 
     with exit_on_interrupt(), network_thread() as thread:
         loading = thread.submit(_load_for_one_photo, model)
         picture = read_photo(data, path=path_of(name))
-        from lighting.estimator import estimate_from_prediction
-        from lighting.fusion.estimate import refine_prediction
-        from lighting.model import preprocess
-
         network = loading.result()
         predictions = thread.submit(network.predict, preprocess(picture, network.spec))
         del loading, network  # so that the network is gone with its answer
         segments = thread.submit(_segment, picture)
-        predicted = refine_prediction(predictions.result()[0], picture, user_input)
+        from lighting.estimator import estimate_from_prediction
+        from lighting.fusion.estimate import refine_prediction
+
+        (prediction,) = predictions.result()
         meanwhile()
+        predicted = refine_prediction(prediction, picture, user_input)
         return picture, estimate_from_prediction(picture, predicted, segments.result(), user_input)
 
 
