@@ -247,7 +247,10 @@ def project_photo(
     window = geometry.pixel_window(inside, height, 2 * height) or (slice(0, 0), slice(0, 0))
     blocks = column_blocks(height)
     picture = _resize_photo(photo, (width, rows))
-    return PhotoProjection(*window, height, picture, camera, continued, segments, blocks)
+    projection = PhotoProjection(*window, height, picture, camera, continued, segments, blocks)
+    if len(blocks) == 1:
+        _ = projection.whole  # found here, which may be a thread beside other work
+    return projection
 
 
 def _inner_weight(x: Image, y: Image) -> Image:

@@ -221,7 +221,9 @@ def render_with_surroundings(
     check_height(height)
     detailed = context.detail and height >= MIN_ROWS
     with ThreadPoolExecutor(1 + detailed) as pool:  # the photo and its detail are read while the sky is painted
-        projection = pool.submit(_project_photo, lighting, context, height, detailed)
+        projection = pool.submit(
+            project_photo, lighting, context.photo, height, continued=detailed, segments=context.segments
+        )
         found = pool.submit(_find_detail, lighting, context, height) if detailed else None
         image = render(lighting, height, sun=sun, disc=False)
         factors, photo = _context_factors(image, lighting, context), projection.result()
@@ -278,14 +280,6 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
     """
     _check_context(context)
     return _coarse_map(lighting, context)[1]
-
-
-def _project_photo(lighting: Lighting, context: PhotoContext, height: int, continued: bool) -> PhotoProjection:
-    """The photo in the pixels of a map, with its continuation for detail."""
-    photo = project_photo(lighting, context.photo, height, continued=continued, segments=context.segments)
-    if len(photo.blocks) == 1:
-        _ = photo.whole  # found here, beside other work
-    return photo
 
 
 def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> detail_library.LibraryDetail:
