@@ -109,8 +109,9 @@ def docstrings(module: ast.Module) -> Iterator[str]:
 
 
 def is_prose(text: str) -> bool:
-    """Whether a text is long enough for a long sentence, and neither a template of a file nor a row of figures."""
-    return len(text) > 100 and not CODE.search(text) and text.count("0") < MANY_FIGURES
+    """Whether a text is long enough for a long sentence: no template of a file, row of figures or command lines."""
+    is_command = text.lstrip().startswith("lighting ")
+    return len(text) > 100 and not is_command and not CODE.search(text) and text.count("0") < MANY_FIGURES
 
 
 def helps(command: click.Command) -> Iterator[str]:
