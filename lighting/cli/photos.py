@@ -178,10 +178,12 @@ def estimate_photo(
 
 
 def _segment(photo: "Photo") -> "Segments":
-    """What the other network says that the photo shows."""
+    """What the other network says that the photo shows; then it is gone, and what comes after takes its memory."""
     from lighting.segmentation import packaged_segmenter
 
-    return packaged_segmenter()(photo.pixels)
+    segments = packaged_segmenter()(photo.pixels)
+    packaged_segmenter.cache_clear()
+    return segments
 
 
 def _load_for_one_photo(model: str | None) -> "Model":
