@@ -20,7 +20,7 @@ from lighting.errors import ModelError
 from lighting.runtime import keep_memory, reserve_heap
 
 if TYPE_CHECKING:
-    from concurrent.futures import ThreadPoolExecutor
+    from concurrent.futures import Future, ThreadPoolExecutor
 
 _BRIEF_COMMANDS = frozenset({"estimate", "envmap", "preview", "render"})  # that mostly end in less than a second
 _ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
@@ -45,27 +45,11 @@ def prepare_process(arguments: Sequence[str]) -> None:
     keep_memory(heaps=2)
 
 
-class _EarlySession:
-    """The session of the packaged network, made in the thread that runs networks; it lets others run meanwhile."""
-
-    def __init__(self) -> None:
-        from concurrent.futures import ThreadPoolExecutor
-
-        from lighting.onnx_session import create_session, import_onnxruntime, packaged_network
-
-        import_onnxruntime()  # here, for two threads that import wait for each other
-        file = packaged_network(_DATA, "outdoor")
-        self.thread = ThreadPoolExecutor(1)
-        self.thread.submit(reserve_heap, 2)
-        reserve_heap(1)
-        self.session = self.thread.submit(create_session, file, 0, for_one_run=True)
-
-
-_started: list[_EarlySession] = []
+_started: "list[tuple[ThreadPoolExecutor, Future[Any]]]" = []  # a thread for networks, and the session it makes first
 
 
 def start_network(arguments: Sequence[str]) -> None:
-    """Begin to load the packaged network if a command runs it on one photo.
+    """Begin to load the packaged network, in a thread, if a command runs it on one photo.
 
     Args:
         arguments: of the command line, without the program's name.
@@ -77,8 +61,17 @@ def start_network(arguments: Sequence[str]) -> None:
         return
     if _count_photos(others) > 1:  # which take a network prepared for many runs
         return
+    from concurrent.futures import ThreadPoolExecutor
+
+    from lighting.onnx_session import create_session, import_onnxruntime, packaged_network
+
+    import_onnxruntime()  # here, for two threads that import wait for each other
     with suppress(ModelError):  # which is raised where the network is needed
-        _started.append(_EarlySession())
+        file = packaged_network(_DATA, "outdoor")
+        thread = ThreadPoolExecutor(1)
+        thread.submit(reserve_heap, 2)
+        reserve_heap(1)
+        _started.append((thread, thread.submit(create_session, file, 0, for_one_run=True)))
 
 
 def _count_photos(arguments: Sequence[str]) -> int:
@@ -96,14 +89,14 @@ def _is_file(name: str) -> bool:
 
 def started_session() -> Any:
     """Return the session that `start_network` began to make, for one use; None where it began none."""
-    return _started.pop().session.result() if _started else None
+    return _started.pop()[1].result() if _started else None
 
 
 def network_thread() -> "ThreadPoolExecutor":
     """The thread in which the networks of one photo run: that of `start_network`, or a new one."""
     from concurrent.futures import ThreadPoolExecutor
 
-    return _started[-1].thread if _started else ThreadPoolExecutor(1)
+    return _started[-1][0] if _started else ThreadPoolExecutor(1)
 
 
 class _ClosedStdout(io.TextIOBase):
