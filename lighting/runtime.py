@@ -346,6 +346,7 @@ class _BlasLimit:
 
         with self._lock:
             if not self._users:
+                _take_blas_control()
                 self._limits = threadpool_limits(1, user_api="blas")
             self._users += 1
 
@@ -353,7 +354,16 @@ class _BlasLimit:
         with self._lock:
             self._users -= 1
             if not self._users:
+                _take_blas_control()
                 self._limits.restore_original_limits()
+
+
+def _take_blas_control() -> None:
+    """Let this thread change the limit; from threadpoolctl 3.8 on only the first thread that did may change it."""
+    from threadpoolctl import OpenBLASController
+
+    if clear := getattr(OpenBLASController, "clear_controlling_thread", None):
+        clear(force=True)
 
 
 # Within `with ONE_BLAS_THREAD:`, sums have one order, and so one last digit, however many processors there are. It is

@@ -31,16 +31,16 @@ _GC_THRESHOLD = 100_000  # objects after which cycles among them are sought; the
 
 
 def prepare_process(arguments: Sequence[str]) -> None:
-    """Save a brief command what pays in long ones alone; call this before numpy is imported.
+    """Give sums one order, and save a brief command what pays in long ones alone; call this before numpy is imported.
 
-    OpenBLAS's threads would spin while they wait for products of matrices that are too small to share.
+    OpenBLAS's threads would add in another order, and spin while they wait for products that are too small to share.
 
     Args:
         arguments: of the command line, without the program's name.
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if _BRIEF_COMMANDS.isdisjoint(arguments):
         return
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(_GC_THRESHOLD)
     keep_memory(heaps=2)
 

@@ -13,6 +13,7 @@ from fastapi.routing import APIRoute
 from lighting import __version__
 from lighting.estimator import Estimator
 from lighting.records import Json
+from lighting.runtime import ONE_BLAS_THREAD
 from server import job_routes, middleware, pages, problems, routes
 from server.dependencies import Service, enforce_rate_limit, require_api_key
 from server.query_params import refuse_duplicates
@@ -88,12 +89,13 @@ def _add_routes(app: FastAPI, service: Service) -> None:
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     service: Service = app.state.service
     await to_thread.run_sync(service.load)
-    async with create_task_group() as tasks:
-        tasks.start_soon(_warm_up, app, service)
-        if service.jobs:
-            tasks.start_soon(service.jobs.run)
-        yield
-        tasks.cancel_scope.cancel()
+    with ONE_BLAS_THREAD:  # whoever runs the application
+        async with create_task_group() as tasks:
+            tasks.start_soon(_warm_up, app, service)
+            if service.jobs:
+                tasks.start_soon(service.jobs.run)
+            yield
+            tasks.cancel_scope.cancel()
     if service.jobs:
         service.jobs.store.close()
         service.jobs = None

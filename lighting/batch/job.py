@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from lighting.batch.results import SETTINGS, format_counts
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.runtime import ONE_BLAS_THREAD
 from lighting.tracing import trace_step
 
 if TYPE_CHECKING:
@@ -199,7 +200,7 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions)
 
     light = adjust_lighting(answer.lighting, maps.adjustments) if maps.adjustments else answer.lighting
     view: Any = {"sun": maps.sun, "yaw": maps.yaw, "sky": maps.sky, "context": answer.context}
-    with trace_step("map"):
+    with trace_step("map"), ONE_BLAS_THREAD:
         image, lighting = render_view(light, maps.height, **view)
         probe = compute_light_probe(light, **view)
     file: Any = {"compression": maps.compression, "colours": maps.colours, "overwrite": True}
@@ -225,7 +226,7 @@ def estimate_or_error(
     try:
         with trace_step("decode"):
             photo = read_photo_isolated(source, seconds=DECODE_SECONDS, sidecar=sidecar)
-        with trace_step("network"):
+        with trace_step("network"), ONE_BLAS_THREAD:
             estimate = estimator(photo, job.user_input)
         with trace_step("map"):
             context = _map_context(source, photo, estimate, job.maps) if job.maps else None

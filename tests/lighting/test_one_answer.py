@@ -1,6 +1,7 @@
 """One photo has one answer to the last bit, whichever command, function or process gives it."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -46,16 +47,20 @@ def test_every_door_gives_one_record_and_one_map(tmp_path: Path) -> None:
     records = [estimate.lighting.to_dict() for estimate in estimates]
     assert lighting.estimate(PHOTOS[0]).lighting.to_dict() == records[0]
 
-    # Commands: of one photo, of several, of a folder by two processes.
-    alone = run_command("estimate", PHOTOS[1], "--json").stdout
-    assert run_command("envmap", PHOTOS[0], "-o", tmp_path / "a.exr", "--height", HEIGHT).returncode == 0
-    several = run_command("estimate", *PHOTOS, "--json").stdout
+    # Commands: of one photo, of several, a scene, of a folder by two processes; they choose the threads of products.
+    variables = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    alone = run_command("estimate", PHOTOS[1], "--json", env=variables).stdout
+    map_options = ("-o", tmp_path / "a.exr", "--height", HEIGHT)
+    assert run_command("envmap", PHOTOS[0], *map_options, env=variables).returncode == 0
+    several = run_command("estimate", *PHOTOS, "--json", env=variables).stdout
+    scene_options = ("--for", "blender", "-o", tmp_path / "scene", "--height", HEIGHT)
+    assert run_command("scene", PHOTOS[0], *scene_options, env=variables).returncode == 0
     folder = tmp_path / "photos"
     folder.mkdir()
     for path in PHOTOS:
         shutil.copy(path, folder)
     options = ("--workers", "2", "--envmap", "--height", HEIGHT, "-q")
-    assert run_command("batch", folder, tmp_path / "out", *options).returncode == 0
+    assert run_command("batch", folder, tmp_path / "out", *options, env=variables).returncode == 0
     batch = [json.loads(line) for line in (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines()]
     (mapped,) = (tmp_path / "out").rglob("wide_street*.exr")
 
@@ -75,3 +80,6 @@ def test_every_door_gives_one_record_and_one_map(tmp_path: Path) -> None:
     estimates[0].save(tmp_path / "python.exr", int(HEIGHT))
     for file in (tmp_path / "a.exr", mapped, tmp_path / "served.exr"):
         assert file.read_bytes() == (tmp_path / "python.exr").read_bytes(), file
+    estimates[0].scene("blender", tmp_path / "python", height=int(HEIGHT))
+    maps = [tmp_path / folder / "environment.exr" for folder in ("scene", "python")]
+    assert maps[0].read_bytes() == maps[1].read_bytes()

@@ -166,6 +166,34 @@ def test_products_of_matrices_run_on_one_thread_while_anybody_needs_that() -> No
     assert threads() == before
 
 
+def test_any_thread_may_ask_for_one_thread_and_be_the_last_that_needed_it() -> None:
+    code = """
+import numpy
+from threading import Thread
+from threadpoolctl import threadpool_info
+from lighting.runtime import ONE_BLAS_THREAD
+def threads(): return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+def run(work):
+    thread = Thread(target=work)
+    thread.start()
+    thread.join()
+before, seen = threads(), []
+with ONE_BLAS_THREAD:
+    pass
+def work():
+    with ONE_BLAS_THREAD:
+        seen.append(threads())
+run(work)
+ONE_BLAS_THREAD.__enter__()
+run(ONE_BLAS_THREAD.__exit__)
+print(before, seen, threads())
+"""
+    environment = {**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.split() == ["{2}", "[{1}]", "{2}"]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_what_is_reserved_takes_no_memory() -> None:
     code = """

@@ -33,8 +33,8 @@ def python(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     [
         (["envmap", "a.jpg"], "1 True False"),
         (["--debug", "render", "a.json"], "1 True False"),
-        (["batch", "a", "b"], "None False False"),
-        (["stereo", "normals"], "None False False"),
+        (["batch", "a", "b"], "1 False False"),
+        (["stereo", "normals"], "1 False False"),
     ],
 )
 def test_brief_commands_alone_are_made_ready(arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
