@@ -5,7 +5,7 @@ The network begins to load before the command line is imported.
 
 import sys
 
-from lighting.start import prepare_process, replace_closed_streams, start_network
+from lighting.start import exit_now, exit_on_interrupt, prepare_process, replace_closed_streams, start_network
 
 
 def run_command() -> None:
@@ -15,9 +15,9 @@ def run_command() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     prepare_process(sys.argv[1:])
-    start_network(sys.argv[1:])
-    from lighting.cli import cli
-    from lighting.start import exit_now
+    with exit_on_interrupt():
+        start_network(sys.argv[1:])
+        from lighting.cli import cli
 
     try:
         cli(prog_name="lighting")

@@ -144,7 +144,7 @@ class ModelSpec:
         for name in ("width", "height"):
             _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
         for name in ("mean", "std"):
-            _check_spec(name, len(getattr(self, name)) == 3 and _are_within(getattr(self, name), -_LARGEST, _LARGEST))
+            _check_spec(name, len(getattr(self, name)) == 3 and all(map(_is_finite, getattr(self, name))))
         _check_spec("std", min(self.std) > 0)
 
     def to_json(self) -> str:
@@ -479,6 +479,10 @@ def check_estimate(thing: object) -> None:
     if not isinstance(thing, EstimatedLight):
         sentence = f"An Estimate is needed, not {type(thing).__name__}; an Estimator makes one of a photo."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and -_LARGEST <= value <= _LARGEST
 
 
 def _is_within(value: object, low: float, high: float) -> bool:

@@ -328,6 +328,13 @@ def reserve_heap(blocks: int) -> None:
         _ = [np.empty(_BUFFER - _MARGIN, np.uint8) for _ in range(blocks)]
 
 
+def return_memory() -> None:
+    """Give the system back what no heap uses, before one thread needs far more than another left; only glibc can."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim:
+        trim(0)
+
+
 def available_cpus() -> int:
     """Return the number of CPUs that this process may use; in a container it can be smaller than the machine's."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

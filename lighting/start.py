@@ -69,8 +69,9 @@ def start_network(arguments: Sequence[str]) -> None:
     with suppress(ModelError):  # which is raised where the network is needed
         file = packaged_network(_DATA, "outdoor")
         thread = ThreadPoolExecutor(1)
-        thread.submit(reserve_heap, 2)
-        reserve_heap(1)
+        if arguments[0] in _BRIEF_COMMANDS:
+            thread.submit(reserve_heap, 1)
+            reserve_heap(1)
         _started.append((thread, thread.submit(create_session, file, 0, for_one_run=True)))
 
 

@@ -12,6 +12,7 @@ from lighting.cli import options as common
 from lighting.cli.options import PhotoOptions
 from lighting.cli.photos import EstimatedPhoto, estimate_file, process_photos
 from lighting.files import MAP_FORMATS, encode_envmap, write_envmap
+from lighting.runtime import return_memory
 
 if TYPE_CHECKING:
     import numpy as np
@@ -340,12 +341,15 @@ def _write_output_map(
         colours: of an EXR; None is rec709.
         view_options: of `render_view`.
     """
+    from lighting.envmap.latlong import column_blocks
     from lighting.envmap.surroundings import render_view
     from lighting.light_probe import compute_light_probe
 
     probe = None
     if _ends_in(output, _headed_suffixes()):
         probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
+    if len(column_blocks(view_options["height"])) > 1:  # which takes hundreds of megabytes
+        return_memory()
     image, lighting = render_view(lighting, **view_options)
     file: Any = {"compression": compression or "zip", "colours": colours or "rec709", "probe": probe, "overwrite": True}
     if output == "-":

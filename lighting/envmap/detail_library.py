@@ -21,6 +21,7 @@ from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.appearance import PhotoSamples, shows_snow
 from lighting.envmap.latlong import Image, blur_cells, column_blocks, multiply_cells, shrink_envmap
 from lighting.envmap.projection import sample_cells, sample_photo
+from lighting.errors import ModelError
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.records import Lighting
 from lighting.segmentation import Segments, SurfaceClass
@@ -132,14 +133,21 @@ class PhotoFeatures:
 
 @lru_cache(maxsize=1)
 def load_detail_library() -> _DetailLibrary:
-    """The library in this package."""
-    with LIBRARY_PATH.open("rb") as file:
-        table, begin = np.load(file), file.tell()
+    """The library in this package; ModelError where its file is damaged."""
+    try:
+        with LIBRARY_PATH.open("rb") as file:
+            table, begin = np.load(file), file.tell()
+        ends = begin + np.cumsum(table["size"])
+        is_whole = LIBRARY_PATH.stat().st_size >= ends[-1]
+    except (ValueError, EOFError, SyntaxError, IndexError):  # what NumPy raises of such files
+        is_whole = False
+    if not is_whole:
+        raise ModelError(f"{LIBRARY_PATH} is damaged; install this package again.")
     low, high = FEATURE_RANGE
     return _DetailLibrary(
         names=tuple(table["name"].tolist()),
         file=LIBRARY_PATH,
-        picture_ends=begin + np.cumsum(table["size"]),
+        picture_ends=ends,
         picture_sizes=table["size"],
         features=table["features"] * np.float32((high - low) / 255) + np.float32(low),
         sun_azimuth=table["sun_azimuth"],

@@ -106,12 +106,12 @@ class UserInput:
             if not isinstance(getattr(self, name), bool):
                 predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
                 raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
-        self._check_time()
         if stated := [name for name in _RANGES if getattr(self, name) is not None]:
             convert_numpy_numbers(self, *stated)
             for name in stated:
                 check_range(name, getattr(self, name), *_RANGES[name])
             check_location(self.latitude, self.longitude)
+        self._check_time()
 
     def explicit_fields(self) -> dict[str, object]:
         """The fields that the user stated, by name."""

@@ -94,7 +94,7 @@ class _Layout:
     """Whether the picture shows one view for each eye."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class _Box:
     """A part of the searched picture, in pixels."""
 

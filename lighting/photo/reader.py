@@ -37,7 +37,7 @@ Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 
 MAX_BYTES = 64_000_000
 MAX_PIXELS = 128_000_000  # lets the 108-megapixel photos of phones pass
-PILLOW_MAX_PIXELS = 178_000_000  # that Pillow opens at all
+PILLOW_MAX_PIXELS = 178_000_000  # that Pillow opens at all, and this package of kinds that it opens without Pillow
 TARGET = 448  # pixels along the longer side, twice what the network sees
 MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
@@ -291,6 +291,7 @@ def _pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int,
         data: of its file.
         max_pixels: of any kind.
     """
+    max_pixels = min(max_pixels, PILLOW_MAX_PIXELS)
     kind = "JPEG" if image.format == "MPO" else str(image.format)
     coefficients = containers.dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
     if not coefficients:

@@ -200,11 +200,13 @@ def test_what_is_reserved_takes_no_memory() -> None:
 import numpy
 from pathlib import Path
 from lighting.runtime import keep_memory, reserve_heap
-def pages(): return int(Path("/proc/self/statm").read_text().split()[1])
+def pages(): return [int(count) for count in Path("/proc/self/statm").read_text().split()[:2]]
 keep_memory()
 before = pages()
 reserve_heap(2)
-print(pages() - before)
+print(*(now - then for now, then in zip(pages(), before)))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert int(done.stdout) < 1000
+    reserved, taken = (4096 * int(pages) for pages in done.stdout.split())
+    assert reserved > 2 * 30 * 2**20
+    assert taken < 4 * 2**20

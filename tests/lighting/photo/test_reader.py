@@ -181,6 +181,14 @@ def test_a_small_file_of_many_pixels_is_refused_before_it_is_decoded() -> None:
         read_photo(bytes(data))
 
 
+def test_no_limit_lets_in_more_pixels_than_are_opened_at_all() -> None:
+    data = bytearray(encode(scene(96, 64), "JPEG"))
+    at = data.index(b"\xff\xc0") + 5
+    data[at : at + 4] = struct.pack(">HH", 12_500, 15_000)
+    with pytest.raises(PhotoTooLargeError, match=r"15000 x 12500 pixels has more than its limit of 178 million"):
+        read_photo(bytes(data), target=512, max_pixels=10**9)
+
+
 UNDO = {  # how a camera stores an upright picture under each orientation
     1: None,
     2: Image.Transpose.FLIP_LEFT_RIGHT,
