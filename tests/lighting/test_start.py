@@ -37,9 +37,7 @@ def python(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         (["stereo", "normals"], "1 False False"),
     ],
 )
-def test_commands_are_made_ready(
-    arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_commands_are_made_ready(arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     assert python(STARTED, *arguments).stdout.strip() == said
 
