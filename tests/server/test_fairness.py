@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -143,25 +143,38 @@ def test_one_client_has_its_share_of_connections(network: Path) -> None:
         assert gone == 5
 
 
+def _start_caddy(command: list[str], variables: dict[str, str]) -> tuple[subprocess.Popen[bytes], int]:
+    """A Caddy that answers, and its port; it ends, and another begins, where somebody took the port meanwhile."""
+    deadline = time.monotonic() + 30
+    while True:
+        with socket.create_server(("127.0.0.1", 0)) as anything:
+            port = int(anything.getsockname()[1])
+        process = subprocess.Popen(command, env=variables | {"SITE": f"http://:{port}"}, stderr=subprocess.DEVNULL)
+        while process.poll() is None:
+            with suppress(ConnectionError, http.client.HTTPException):  # of whoever took it
+                if _status_at(port, "/livez", INNOCENT) == 200:
+                    return process, port
+            if time.monotonic() > deadline:
+                process.kill()
+                process.wait()
+                raise AssertionError("Caddy does not answer")
+            time.sleep(0.05)
+
+
 @contextmanager
 def behind_caddy(server: Server, folder: Path) -> Iterator[int]:
     """The port of a Caddy with this project's Caddyfile in front of a service."""
     program = shutil.which("caddy")
     if not program:
         pytest.skip("caddy is not installed")
-    with socket.create_server(("127.0.0.1", 0)) as anything:
-        port = int(anything.getsockname()[1])
     config = folder / "Caddyfile"
     config.write_text((ROOT / "Caddyfile").read_text().replace("{\n", "{\n\tadmin off\n", 1))
-    variables = {"SITE": f"http://:{port}", "SERVICE": f"127.0.0.1:{server.port}", "MAX_BYTES": "64000000"}
+    variables = {"SERVICE": f"127.0.0.1:{server.port}", "MAX_BYTES": "64000000"}
     variables |= {"UPLOAD_SECONDS": "60", "HEADER_SECONDS": "10", "HOME": str(folder)}
     command = [program, "run", "--config", str(config), "--adapter", "caddyfile"]
-    with subprocess.Popen(command, env=os.environ | variables, stderr=subprocess.DEVNULL) as process:
+    process, port = _start_caddy(command, os.environ | variables)
+    with process:
         try:
-            deadline = time.monotonic() + 30
-            while _status_at(port, "/livez", INNOCENT) != 200:
-                assert time.monotonic() < deadline
-                time.sleep(0.05)
             yield port
         finally:
             process.kill()
