@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from lighting.decoding import doubts_sun, with_dappled_sun, with_ground_color
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, share_sky_color, snow_gain
-from lighting.envmap.projection import sample_photo
 from lighting.envmap.render import check_height, render
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError, warn_of_old_name
@@ -270,7 +269,7 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLig
     lights = [estimate.lighting for estimate in estimates]
     around = [estimate.surroundings for estimate in estimates]
     each = zip(photos, estimates, strict=True)
-    samples = [PhotoSamples(*sample_photo(p.pixels, e.lighting), e.segments) for p, e in each]
+    samples = [PhotoSamples.of_photo(p.pixels, e.lighting, e.segments) for p, e in each]
     if len(photos) == 1:
         lights = [_with_ground_light(photos[0], samples[0], lights[0])]
     lights = share_sky_color(samples, lights)

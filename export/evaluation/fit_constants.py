@@ -26,7 +26,6 @@ from export.evaluation.metrics import Bools, Names, markdown_table
 from lighting.color import luminance, tone_map
 from lighting.decoding import blend_to_clear_sun, lighting_from_prediction
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, ground_luminance, sky_color_ratio
-from lighting.envmap.projection import sample_photo
 from lighting.envmap.render import level_irradiance
 from lighting.errors import ModelError
 from lighting.estimator import Estimator
@@ -84,7 +83,7 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
         light = estimate.lighting
         if light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
-        reflectance = estimate_ground_albedo(PhotoSamples(*sample_photo(place.photo, light)), light)
+        reflectance = estimate_ground_albedo(PhotoSamples.of_photo(place.photo, light), light)
         if reflectance is None or place.coarse_panorama is None:
             continue
         radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
@@ -182,7 +181,7 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
             light = estimate_from_pixels(model, Photo(pixels, width, height, "PIXELS")).lighting
             if light.sky_irradiance is None:
                 raise ModelError(_NO_LIGHT)
-            ratio = sky_color_ratio(PhotoSamples(*sample_photo(pixels, light)), light)
+            ratio = sky_color_ratio(PhotoSamples.of_photo(pixels, light), light)
             seen = np.full(3, np.nan) if ratio is None else ratio
             yield seen, light.sky_cover or 0.0, np.array(light.sky_irradiance), true * gains * crop.gain
 

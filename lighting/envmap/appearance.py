@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance, max_channel
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, row_irradiance
-from lighting.envmap.projection import CLIPPED
+from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.fields import clip_color
 from lighting.geometry import Floats, sample_latlong
@@ -71,6 +72,17 @@ class PhotoSamples:
     """Unit vectors (h, w, 3)."""
     segments: Segments | None = None
     """What the photo shows. None: unknown, and all below the horizon may be ground."""
+
+    @classmethod
+    def of_photo(cls, pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None = None) -> Self:
+        """Sample a photo.
+
+        Args:
+            pixels: (h, w, 3) sRGB.
+            lighting: with the photo's camera.
+            segments: what the photo shows; None: unknown.
+        """
+        return cls(*sample_photo(pixels, lighting), segments)
 
     @cached_property
     def largest(self) -> NDArray[np.float32]:

@@ -20,7 +20,7 @@ from PIL import ImageEnhance, WebPImagePlugin
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.appearance import PhotoSamples, shows_snow
 from lighting.envmap.latlong import Image, blur_cells, column_blocks, multiply_cells, shrink_envmap
-from lighting.envmap.projection import sample_cells, sample_photo
+from lighting.envmap.projection import sample_cells
 from lighting.errors import ModelError
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.records import Lighting
@@ -187,7 +187,7 @@ def describe_photo(
         around: (FEATURE_ROWS, 2 FEATURE_ROWS, 3) linear, the coarse map that it lies in.
         segments: what the photo shows; None: unknown.
     """
-    samples = PhotoSamples(*sample_photo(photo, lighting), segments)
+    samples = PhotoSamples.of_photo(photo, lighting, segments)
     colors, cell = sample_cells(photo, lighting, FEATURE_ROWS)
     flat = colors.reshape(-1, 3)
     four, count = cell_features(flat, cell.reshape(-1))

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from lighting.color import luminance, srgb_decode
 from lighting.decoding import light_from_vector, light_to_vector, lighting_from_prediction
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, sky_white_balance
-from lighting.envmap.projection import sample_photo
 from lighting.fusion.estimate import screen_prediction
 from lighting.fusion.multi_view import (
     AZIMUTH_CORRELATION,
@@ -426,7 +425,7 @@ def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:
     if (light := prediction.light) is None:
         return FrameEstimate(prediction)
     lighting = lighting_from_prediction(prediction)
-    samples = PhotoSamples(*sample_photo(pixels, lighting))
+    samples = PhotoSamples.of_photo(pixels, lighting)
     if (tint := sky_white_balance(samples, lighting)) is not None:
         prediction = replace(prediction, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
         lighting = lighting_from_prediction(prediction)

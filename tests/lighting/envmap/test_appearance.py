@@ -17,7 +17,6 @@ from lighting.envmap.appearance import (
     sky_white_balance,
     snow_gain,
 )
-from lighting.envmap.projection import sample_photo
 from lighting.records import Lighting
 from lighting.segmentation import SurfaceClass
 from tests.helpers.predictions import SKY_IRRADIANCE, stated_light
@@ -34,23 +33,23 @@ def photo(reflectance: list[float], sky: float = 0.8) -> np.ndarray:
 def albedo_of(
     picture: np.ndarray, light: Lighting, around: np.ndarray | None = None, segments: np.ndarray | None = None
 ) -> np.ndarray | None:
-    return estimate_ground_albedo(PhotoSamples(*sample_photo(picture, light), segments), light, around)
+    return estimate_ground_albedo(PhotoSamples.of_photo(picture, light, segments), light, around)
 
 
 def gain_of(picture: np.ndarray, light: Lighting) -> float:
-    return snow_gain(PhotoSamples(*sample_photo(picture, light)), light)
+    return snow_gain(PhotoSamples.of_photo(picture, light), light)
 
 
 def is_snow(picture: np.ndarray, light: Lighting, segments: np.ndarray | None = None) -> bool:
-    return shows_snow(PhotoSamples(*sample_photo(picture, light), segments), light)
+    return shows_snow(PhotoSamples.of_photo(picture, light, segments), light)
 
 
 def balance_of(picture: np.ndarray, light: Lighting, segments: np.ndarray | None = None) -> np.ndarray | None:
-    return sky_white_balance(PhotoSamples(*sample_photo(picture, light), segments), light)
+    return sky_white_balance(PhotoSamples.of_photo(picture, light, segments), light)
 
 
 def ratio_of(picture: np.ndarray, light: Lighting) -> np.ndarray | None:
-    return sky_color_ratio(PhotoSamples(*sample_photo(picture, light)), light)
+    return sky_color_ratio(PhotoSamples.of_photo(picture, light), light)
 
 
 def test_the_ground_is_what_lies_below_the_horizon_over_its_light() -> None:
