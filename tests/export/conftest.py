@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
+import export.networks.backbone as backbone
+import export.networks.outdoor as outdoor
 from export.data.labels import _label_panorama, write_labels
 from export.data.panoramas import DataError, read_index
 from export.data.rendered_panoramas import _write_dataset
@@ -58,6 +60,14 @@ def trained_network(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> 
         write_onnx([trained], folder / "outdoor.onnx", temperature=1.3)
 
     return _make_once(tmp_path_factory, "trained-network", make) / "outdoor.onnx"
+
+
+@pytest.fixture
+def small_backbone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks have one block a stage, and begin without the weights of ImageNet, which do not fit."""
+    monkeypatch.setattr(backbone, "_STAGES", [(*stage[:-1], 1) for stage in backbone._STAGES])
+    monkeypatch.setattr(backbone.Backbone, "MIDDLE_BLOCKS", 5)
+    monkeypatch.setattr(outdoor, "load_imagenet", lambda _: None)
 
 
 @pytest.fixture(scope="session")

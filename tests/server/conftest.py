@@ -31,6 +31,22 @@ def no_settings_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def one_document() -> Iterator[None]:
+    """Services of the same settings share the document of their routes, which takes 0.1 s; each would make its own."""
+    describe, documents = FastAPI.openapi, dict[str, dict[str, Any]]()
+
+    def openapi(app: FastAPI) -> dict[str, Any]:
+        settings = repr(app.state.service.settings)
+        if settings not in documents:
+            documents[settings] = describe(app)
+        return documents[settings]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(FastAPI, "openapi", openapi)
+        yield
+
+
 @pytest.fixture(scope="session")
 def estimator(network: Path) -> Estimator:
     return Estimator(Model.load(network, threads=1))

@@ -3,6 +3,7 @@
 import json
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from itertools import count
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ from schemathesis.engine import from_schema
 from schemathesis.engine.events import FatalError, NonFatalError, ScenarioFinished
 from schemathesis.engine.recorder import ScenarioRecorder
 from schemathesis.generation.case import Case
+from schemathesis.generation.meta import CoveragePhaseData, CoverageScenario
 from schemathesis.hooks import HookContext
 from starlette.testclient import TestClient
 
@@ -131,7 +133,9 @@ TOGETHER = {  # values that are each right may not fit each other, such as a tim
     "positive_data_acceptance": {"expected-statuses": ["2xx", "400", "401", "403", "404", "422"]}
 }
 
-SERIES = 30  # of requests, each with what the one before answered
+DRAWN = 10  # requests to each operation
+SERIES = 15  # of requests, each with what the one before answered
+WRONG_TYPES = 3  # one in so many is sent; each parameter has five, and most are of several operations
 
 PHOTOS = st.sampled_from([encode(scene(64, 48)), encode(scene(40, 90), quality=20)])
 for media in PHOTO_TYPES:
@@ -152,7 +156,7 @@ def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
 
 
 def test_two_threads_that_ask_at_a_time_get_one_document(estimator: Estimator) -> None:
-    app = create_app(Settings(), estimator)
+    app = create_app(Settings(root_path="/two"), estimator)  # of which no other test has the document
     with ThreadPoolExecutor(2) as threads:
         one, other = threads.map(lambda _: app.openapi(), range(2))
     assert one is other
@@ -164,13 +168,14 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
     config = schemathesis.Config.from_dict(
         {
             "seed": 1,
-            "generation": {"deterministic": True, "max-examples": 30},
+            "generation": {"deterministic": True, "max-examples": DRAWN},
             "phases": {"stateful": {"generation": {"max-examples": SERIES}, "checks": TOGETHER}},
             "operations": [{"include-operation-id": name, "checks": TOGETHER} for name in WITH_CONDITIONS],
         }
     )
     schema = schemathesis.openapi.from_asgi("/openapi.json", quick_app, config=config)
     schema.hook("filter_case")(is_sent_whole)
+    schema.hook("filter_case")(DrawnTypes())
     calls: Counter[str] = Counter()
     failures: dict[str, str] = {}
     for event in from_schema(schema).execute():
@@ -179,12 +184,24 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
             calls[event.recorder.label] += len(event.recorder.interactions)
             failures |= failed_checks(event.recorder)
     assert not failures, "\n\n".join(failures.values())
-    assert calls.total() > 1500, calls
+    assert calls.total() > 3000, calls
 
 
 def is_sent_whole(_: HookContext, case: Case[Any]) -> bool:
     """Whether every field of a form reaches the service: an empty list sends nothing, whatever its name is."""
     return case.media_type != FORM_TYPE or not isinstance(case.body, dict) or [] not in case.body.values()
+
+
+class DrawnTypes:
+    """Whether a value of a wrong type is sent: one in WRONG_TYPES is, so that all kinds come among the parameters."""
+
+    def __init__(self) -> None:
+        self.number = count()
+
+    def __call__(self, _: HookContext, case: Case[Any]) -> bool:
+        phase = case.meta.phase.data if case.meta else None
+        wrong = isinstance(phase, CoveragePhaseData) and phase.scenario == CoverageScenario.INCORRECT_TYPE
+        return not wrong or next(self.number) % WRONG_TYPES == 0
 
 
 def failed_checks(recorder: ScenarioRecorder) -> dict[str, str]:

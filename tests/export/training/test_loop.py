@@ -212,6 +212,7 @@ def test_the_camera_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_
     assert "sun" not in changed
 
 
+@pytest.mark.usefixtures("small_backbone")
 def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: TrainConfig, tmp_path: Path) -> None:
     both = replace(config, out=str(tmp_path / "run"), crops=8, joined=1.0, surroundings=True)
     sources = load_sources(read_index(config.data, "train"), config.labels)

@@ -10,9 +10,7 @@ from onnx import helper, numpy_helper
 from PIL import Image
 from torch import nn
 
-import export.networks.backbone as backbone
 from export.data.panoramas import DataError
-from export.networks.backbone import Backbone
 from export.networks.onnx_export import write_onnx
 from export.networks.outdoor import Outdoor, build_network, network_specs
 from export.networks.weights import CHECKPOINT, read_network, read_record, training_history, write_run
@@ -23,12 +21,9 @@ from lighting.model import packaged_model
 ROUNDED = 0.1  # of the largest value: the file's weights are bytes, and these networks have hardly learnt to tell apart
 
 
-def test_shared_first_layers_are_found_under_the_other_networks_names(
-    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A network beside a camera's network whose first layers are the same; both with one block a stage."""
-    monkeypatch.setattr(backbone, "_STAGES", [(*stage[:-1], 1) for stage in backbone._STAGES])
-    monkeypatch.setattr(Backbone, "MIDDLE_BLOCKS", 5)
+@pytest.mark.usefixtures("small_backbone")
+def test_shared_first_layers_are_found_under_the_other_networks_names(trained: Path, tmp_path: Path) -> None:
+    """A network beside a camera's network whose first layers are the same."""
     file, run, camera = (tmp_path / name for name in ("outdoor.onnx", "run", "camera"))
     torch.manual_seed(7)
     weights = build_network(network_specs("1.0.0")["outdoor"]).state_dict()
