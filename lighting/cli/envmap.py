@@ -302,6 +302,8 @@ def _context_of_record(
 
 def _import_renderer() -> None:
     """Import what renders maps and writes EXR files, and read the library of detail."""
+    import fractions  # noqa: F401 - OpenEXR imports it to write a header
+
     import lighting.envmap.surroundings
     import lighting.files.exr
     import lighting.light_probe  # noqa: F401 - all three
