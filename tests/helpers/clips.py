@@ -59,8 +59,15 @@ def frames(pictures: Sequence[Pixels], rate: float = 30.0) -> Iterator[Frame]:
 
 def pan(count: int = 45, reach: float = 40.0, seed: int = 0) -> list[Pixels]:
     """A camera that turns to the right, and nods."""
-    share = np.linspace(0, 1, count)
-    return [look(reach * s, 3 * np.sin(3 * s), 2 * s, seed=seed) for s in share.tolist()]
+    return list(_pan(count, reach, seed))
+
+
+@lru_cache(maxsize=4)
+def _pan(count: int, reach: float, seed: int) -> tuple[Pixels, ...]:
+    pictures = [look(reach * s, 3 * np.sin(3 * s), 2 * s, seed=seed) for s in np.linspace(0, 1, count).tolist()]
+    for picture in pictures:
+        picture.setflags(write=False)
+    return tuple(pictures)
 
 
 def write_clip(

@@ -135,7 +135,7 @@ TOGETHER = {  # values that are each right may not fit each other, such as a tim
 
 DRAWN = 10  # requests to each operation
 SERIES = 15  # of requests, each with what the one before answered
-WRONG_TYPES = 3  # one in so many is sent; each parameter has five, and most are of several operations
+WRONG_TYPES = 7  # one in so many is sent; most parameters have five, and are of several operations
 
 PHOTOS = st.sampled_from([encode(scene(64, 48)), encode(scene(40, 90), quality=20)])
 for media in PHOTO_TYPES:
@@ -193,7 +193,7 @@ def is_sent_whole(_: HookContext, case: Case[Any]) -> bool:
 
 
 class DrawnTypes:
-    """Whether a value of a wrong type is sent: one in WRONG_TYPES is, so that all kinds come among the parameters."""
+    """Whether a value of a wrong type is sent: one in WRONG_TYPES is, so that each type comes at many parameters."""
 
     def __init__(self) -> None:
         self.number = count()
