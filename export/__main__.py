@@ -165,13 +165,16 @@ def _suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
 
 @export_cli.command("segments")
 @_data
-@_option("--out", "ONNX file to write, named segments-VERSION.onnx.", FILE, "runs/segments-1.1.0.onnx")
-@_flag("--cross-validate", "Write nothing; print what such networks find on groups that they never saw.")
-def _segments(data: Path, out: Path, cross_validate: bool) -> None:
-    """Train the network that says what each part of a photo shows; three minutes on two cores."""
+@_option("--teacher", "ONNX file of the network that answers for pictures without grids.", required=True)
+@_option("--out", "Folder to write, for `onnx --segments`.", PATH, "runs/segments")
+@_flag("--cross-validate", "Write nothing; print what heads without a teacher find on groups that they never saw.")
+def _segments(data: Path, teacher: Path, out: Path, cross_validate: bool) -> None:
+    """Train the head that says what each part of a photo shows; ten minutes on two cores."""
     from export.training import segmentation
 
-    click.echo(segmentation.cross_validate(data) if cross_validate else segmentation.train_segmentation(data, out))
+    click.echo(
+        segmentation.cross_validate(data) if cross_validate else segmentation.train_segmentation(data, teacher, out)
+    )
 
 
 @export_cli.command("prior")
@@ -200,9 +203,15 @@ def _merge(runs: tuple[Path, ...], out: Path) -> None:
 @_option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
 @_option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
 @_option("--camera", "Run of a further network, which answers for the camera instead of the others.", multiple=True)
+@_option("--segments", "Run of `segments`, whose head tells what photos show. [default: nothing tells it]")
 @_option("--elevation-scale", "Degrees of `prior`. [default: no prior]", click.FloatRange(10), math.inf)
 def _onnx(
-    runs: tuple[Path, ...], out: Path | None, version: str | None, camera: tuple[Path, ...], **numbers: float
+    runs: tuple[Path, ...],
+    out: Path | None,
+    version: str | None,
+    camera: tuple[Path, ...],
+    segments: Path | None,
+    **numbers: float,
 ) -> None:
     """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
     from export.networks.onnx_export import write_onnx
@@ -211,7 +220,7 @@ def _onnx(
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
-    difference = write_onnx(runs, target, version=version, cameras=camera, **numbers)
+    difference = write_onnx(runs, target, version=version, cameras=camera, segments=segments, **numbers)
     size = sum(file.stat().st_size for file in (target, weights_path(target)))
     click.echo(f"{target}: {size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 

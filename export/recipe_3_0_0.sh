@@ -37,5 +37,6 @@ python -m export suitable runs/d34 runs/e34 --data "$data"
 
 train --start runs/c25 --out runs/c34 --crops 298000 --learning-rate 3.6e-4 --only-camera --mirrored "${crops[@]}"
 
-python -m export onnx runs/d34 runs/e34 --camera runs/c34 --elevation-scale 60 --temperature 0.8 --version 3.0.0 \
-  --out "$out"
+python -m export segments --data "$data"
+python -m export onnx runs/d34 runs/e34 --camera runs/c34 --segments runs/segments --elevation-scale 60 \
+  --temperature 0.8 --version 3.0.0 --out "$out"

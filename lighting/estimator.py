@@ -24,7 +24,6 @@ from lighting.photo.reader import Photo, Source, check_photo, photo_from_array, 
 from lighting.photo_estimate import Estimate
 from lighting.records import EstimatedLight, Lighting, Prediction, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
-from lighting.segmentation import Segments, packaged_segmenter
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -89,8 +88,7 @@ class Estimator:
             PhotoError: `photo` is no Photo.
             ParameterError: the user's time and place are of night.
         """
-        predicted = self._predict(photo, user_input)
-        return estimate_from_prediction(photo, predicted, packaged_segmenter()(photo.pixels), user_input)
+        return estimate_from_prediction(photo, self._predict(photo, user_input), user_input)
 
     def estimate_views(
         self,
@@ -138,9 +136,8 @@ class Estimator:
 
         posteriors = fuse_views(predictions, observations, headings, views)
         estimates = list(map(build_estimate, posteriors, observed))
-        segments = [packaged_segmenter()(photo.pixels) for photo in photos]
         aerial = [one.is_aerial for one in observed]
-        lights = apply_photo_colors(photos, list(map(describe_ground, photos, estimates, segments, aerial)))
+        lights = apply_photo_colors(photos, list(map(describe_ground, photos, estimates, predictions, aerial)))
         return list(map(Estimate.of_photo, photos, lights))
 
     def together(
@@ -236,14 +233,13 @@ def _packaged_estimator() -> Estimator:
 
 
 def estimate_from_prediction(
-    photo: Photo, predicted: PhotoPrediction, segments: Segments, user_input: UserInput = NO_USER_INPUT
+    photo: Photo, predicted: PhotoPrediction, user_input: UserInput = NO_USER_INPUT
 ) -> Estimate:
-    """Estimate a photo's light from what both networks say of it, its metadata and what the user states.
+    """Estimate a photo's light from what the network says of it, its metadata and what the user states.
 
     Args:
         photo: as `lighting.read_photo` returns it.
         predicted: by `refine_prediction`, of this photo and this input.
-        segments: by `packaged_segmenter`, of this photo.
         user_input: what the user states of the photo.
 
     Raises:
@@ -252,7 +248,8 @@ def estimate_from_prediction(
     prior = observations_single(predicted.metadata, user_input)
     observed = replace(prior, warnings=(*photo.warnings, *predicted.warnings, *prior.warnings))
     posterior = fuse_single_view(predicted.prediction, observed.observations, photo.pixels)
-    estimate = describe_ground(photo, build_estimate(posterior, observed), segments, observed.is_aerial)
+    estimate = build_estimate(posterior, observed)
+    estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial)
     return Estimate.of_photo(photo, apply_photo_colors([photo], [estimate])[0])
 
 

@@ -14,8 +14,8 @@ from lighting.envmap.shadow_mask import shadow_receivers, stands_in_sun
 from lighting.fields import round_significant
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
-from lighting.records import EstimatedLight, Lighting
-from lighting.segmentation import Segments, SurfaceClass, class_share, pixel_share
+from lighting.records import EstimatedLight, Lighting, Prediction
+from lighting.segmentation import Segments, SurfaceClass, class_share, pixel_share, resample_segments
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
 ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii
@@ -121,17 +121,33 @@ class _GroundSpot:
     """Unit vector from the camera."""
 
 
+def photo_segments(prediction: Prediction, photo: Photo) -> Segments | None:
+    """Return what the cells of a photo show; None where the network does not predict it.
+
+    Args:
+        prediction: of the photo.
+        photo: as `read_photo` returns it.
+    """
+    if prediction.segments is None:
+        return None
+    return resample_segments(prediction.segments, photo.width, photo.height)
+
+
 def describe_ground(
-    photo: Photo, estimate: EstimatedLight, segments: Segments, is_aerial: bool = False
+    photo: Photo, estimate: EstimatedLight, prediction: Prediction, is_aerial: bool = False
 ) -> EstimatedLight:
     """Return the estimate of a photo with what the photo shows, and where in it an object may stand.
+
+    The estimate stays as it is where the network does not predict what photos show.
 
     Args:
         photo: as `read_photo` returns it.
         estimate: of its light and camera.
-        segments: of the photo.
+        prediction: of the photo.
         is_aerial: whether the camera flies at an unknown height; there is no spot then.
     """
+    if (segments := photo_segments(prediction, photo)) is None:
+        return estimate
     light, visible = estimate.lighting, _visible_ground(segments)
     camera = photo_camera(light, photo.width, photo.height)
     spot = None if is_aerial else _find_ground_spot(segments, camera, light.camera_height)

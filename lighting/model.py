@@ -1,9 +1,10 @@
 """The network: an ONNX file that carries its own description, run by onnxruntime.
 
 Input `photo`, float32 (N, 3, H, W), is what `preprocess` makes. Output `sun_probability`, float32 (N, G), sums to 1
-over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. Two more outputs
-are optional: `light`, float32 (N, 8), holds _LIGHT_OUTPUT in final units, and `around`, float32 (N, 12, 24, 3), the
-radiance of the surroundings without the sun. The metadata key `spec` holds a ModelSpec as JSON.
+over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. Further outputs
+are optional: `light`, float32 (N, 8), holds _LIGHT_OUTPUT in final units; `around`, float32 (N, 12, 24, 3), the
+radiance of the surroundings without the sun; `segments`, float32 (N, H/8, W/8, 10), the probabilities of what the
+canvas shows. The metadata key `spec` holds a ModelSpec as JSON.
 """
 
 import os
@@ -17,6 +18,7 @@ from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import fit_in_box
 from lighting.onnx_session import create_session, describe_onnx_error, packaged_network
 from lighting.records import SURROUNDINGS_SHAPE, Light, ModelSpec, Prediction
+from lighting.segmentation import CELL_PIXELS, SurfaceClass
 from lighting.sun_grid import grid_directions
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "verti
 # Of output `light`: irradiances in the photo's linear units, then two shares.
 _LIGHT_OUTPUT = ("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue", "cover", "suitable")
 OUTPUTS = ("sun_probability", "parameters")
-OPTIONAL_OUTPUTS = {"light": (len(_LIGHT_OUTPUT),), "around": SURROUNDINGS_SHAPE}  # of which `around` needs `light`
+OPTIONAL_OUTPUTS = ("light", "around", "segments")  # of which `around` needs `light`
 MODEL_CARD, METRICS = "MODEL_CARD.md", "metrics.json"  # beside a network's file; a user's may have neither
 
 
@@ -175,8 +177,13 @@ def network_sha256(network: Path) -> str:
 
 def _shapes(spec: ModelSpec) -> dict[str, tuple[int, ...]]:
     """The shape of each output for one photo."""
-    cells = len(grid_directions(spec.sun_grid))
-    return {"sun_probability": (cells,), "parameters": (len(PARAMETERS),), **OPTIONAL_OUTPUTS}
+    return {
+        "sun_probability": (len(grid_directions(spec.sun_grid)),),
+        "parameters": (len(PARAMETERS),),
+        "light": (len(_LIGHT_OUTPUT),),
+        "around": SURROUNDINGS_SHAPE,
+        "segments": (spec.height // CELL_PIXELS, spec.width // CELL_PIXELS, len(SurfaceClass)),
+    }
 
 
 def _check_layout(session: Any, spec: ModelSpec, file: Path) -> None:
@@ -184,14 +191,15 @@ def _check_layout(session: Any, spec: ModelSpec, file: Path) -> None:
     optional = [name for name in OPTIONAL_OUTPUTS if name in actual]
     shapes = _shapes(spec)
     expected = {"photo": [3, spec.height, spec.width], **{name: list(shapes[name]) for name in (*OUTPUTS, *optional)}}
-    if actual != expected or optional == ["around"]:
+    if actual != expected or ("around" in optional and "light" not in optional):
         raise ModelError(f"{file} is a network of another layout: {actual} where {expected} is expected.")
 
 
 def _prediction(spec: ModelSpec, outputs: dict[str, NDArray[np.float32]]) -> Prediction:
     parameters = dict(zip(PARAMETERS, map(float, outputs["parameters"]), strict=True))
     light = _light(outputs["light"], outputs.get("around")) if "light" in outputs else None
-    return Prediction(spec=spec, sun_probability=outputs["sun_probability"], **parameters, light=light)
+    sun, segments = outputs["sun_probability"], outputs.get("segments")
+    return Prediction(spec=spec, sun_probability=sun, **parameters, light=light, segments=segments)
 
 
 def _light(row: NDArray[np.float32], panorama: NDArray[np.float32] | None) -> Light:

@@ -206,6 +206,8 @@ class Prediction:
     """Deg, about 1 to 170, of the upright photo."""
     light: Light | None = None
     """How strong the light is. None: the network says nothing of it."""
+    segments: NDArray[np.float32] | None = None
+    """(R, C, K) probabilities, 0 to 1, what the canvas shows, by `segmentation.SurfaceClass`. None: not predicted."""
 
     @cached_property
     def sun_direction(self) -> Floats:

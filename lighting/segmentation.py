@@ -1,26 +1,21 @@
-"""What each part of a photo shows: ground, water, plants, buildings, vehicles, people, sky; by a small network.
+"""What each part of a photo shows: ground, water, plants, buildings, vehicles, people, sky; by the network.
 
-The network is an ONNX file of its own beside the one that estimates the light. It takes the photo stretched to
-INPUT_SIZE, and its cells are CELL_PIXELS of that wide: 24 x 18 for a landscape photo, 18 x 24 for an upright one.
+The network says it of cells of its canvas, CELL_PIXELS wide. `resample_segments` gives those of the photo: 24 x 18 for
+a landscape photo, 18 x 24 for an upright one.
 """
 
 from enum import IntEnum
-from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.color import check_pixels
-from lighting.errors import ModelError
-from lighting.onnx_session import create_session, describe_onnx_error, packaged_network
+from lighting.geometry import fit_in_box
 
 Segments = NDArray[np.float32]  # (R, C, classes) probabilities of SurfaceClass in the cells of a photo, rows from above
 
-INPUT_SIZE = (384, 288)  # pixels of the input's longer and shorter side
-CELL_PIXELS = 16  # of the input, each way
-_NAME = "segments"  # of the network's file
+CELL_PIXELS = 8  # of the network's canvas, each way
+_CELLS = (24, 18)  # of a photo's longer and shorter side
 
 
 class SurfaceClass(IntEnum):
@@ -48,56 +43,21 @@ THINGS = (  # that stand on the ground, in front of what is behind them
 )
 
 
-class Segmenter:
-    """A loaded network; one may be shared by several threads."""
+def resample_segments(canvas: NDArray[np.float32], width: int, height: int) -> Segments:
+    """Return what the cells of a photo show by what those of the network's canvas show.
 
-    def __init__(self, file: Path) -> None:
-        """Read the network in a file.
-
-        Args:
-            file: the ONNX file.
-
-        Raises:
-            ModelError: the file is missing, damaged, or of another layout.
-        """
-        # A run takes 8 ms: more threads would wait for each other, and an arena of 14 MB saves half a millisecond.
-        self._session = create_session(file, threads=1, arena=False)
-        shape = [port.shape[-1] for port in self._session.get_outputs()]
-        if [port.name for port in self._session.get_inputs()] != ["photo"] or shape != [len(SurfaceClass)]:
-            raise ModelError(f"{file} is no network that says what photos show.")
-
-    def __call__(self, photo: NDArray[np.uint8]) -> Segments:
-        """Return the probabilities of what each cell of a photo shows.
-
-        Args:
-            photo: (h, w, 3) sRGB, upright.
-
-        Raises:
-            PhotoError: for what is no photo's pixels.
-            ModelError: the network fails.
-        """
-        pixels = check_pixels(photo)
-        size = INPUT_SIZE if pixels.shape[1] >= pixels.shape[0] else INPUT_SIZE[::-1]
-        stretched = Image.fromarray(pixels).resize(size, Image.Resampling.BOX, reducing_gap=2.0)
-        return self._run(np.asarray(stretched)[None])
-
-    def _run(self, batch: NDArray[np.uint8]) -> Segments:
-        try:
-            outputs: list[NDArray[np.float32]] = self._session.run(None, {"photo": batch})
-        except Exception as error:  # onnxruntime's errors share no public base class
-            raise ModelError(f"The network failed: {describe_onnx_error(error)}") from error
-        segments: Segments = outputs[0][0]
-        return segments
-
-
-@lru_cache(maxsize=1)
-def packaged_segmenter() -> Segmenter:
-    """Return the network in this package, loaded once in a process.
-
-    Raises:
-        ModelError: there is not exactly one.
+    Args:
+        canvas: (R, C, classes) probabilities, as `Prediction.segments` has them.
+        width: of the photo, pixels.
+        height: of the photo, pixels.
     """
-    return Segmenter(packaged_network(Path(__file__).parent / "data", _NAME))
+    rows, columns, _ = canvas.shape
+    inside = np.array(fit_in_box(width, height, columns * CELL_PIXELS, rows * CELL_PIXELS)) / CELL_PIXELS
+    left, top = (np.array([columns, rows]) - inside) / 2
+    box = (left, top, left + inside[0], top + inside[1])
+    size = _CELLS if width >= height else _CELLS[::-1]
+    planes = (Image.fromarray(plane) for plane in np.ascontiguousarray(np.moveaxis(canvas, 2, 0)))
+    return np.stack([np.asarray(plane.resize(size, Image.Resampling.BILINEAR, box=box)) for plane in planes], axis=-1)
 
 
 def class_share(segments: Segments, *classes: SurfaceClass) -> NDArray[np.float32]:

@@ -37,7 +37,9 @@ from lighting.geometry import (
     latlong_pixel,
     sample_latlong,
 )
-from lighting.segmentation import INPUT_SIZE, packaged_segmenter
+from lighting.ground import photo_segments
+from lighting.model import Model
+from lighting.photo.reader import photo_from_array
 
 _LICENCE = "poly haven"  # in the field of a row whose panorama may ship
 _LEFT_OUT = (
@@ -64,6 +66,7 @@ _MIDDLE = slice(1, 3)  # quarters of the rows by which a panorama is exposed
 _GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, as it was beyond the second
 _SKY_LUMINANCE = 0.3
 _VIEW_STEP, _VIEW_FOV = 30, 60.0  # deg between the views in which classes are looked for; deg, vertical
+_VIEW_SIZE = 384, 288  # of them, pixels
 _MOST_USED = 0.05  # share of photos for which a panorama is chosen
 _COST_STEP, _BALANCE_STEPS = 0.002, 5000
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
@@ -201,9 +204,12 @@ def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     shape = FEATURE_ROWS, 2 * FEATURE_ROWS
     total, count = np.zeros((len(FEATURE_CLASSES), *shape)), np.zeros(shape)
+    model = Model.load()
     for azimuth in range(0, 360, _VIEW_STEP):
-        directions = camera_directions(Pinhole(*INPUT_SIZE, _VIEW_FOV, azimuth=azimuth))
-        segments = packaged_segmenter()(tone_map(sample_latlong(linear, directions)))
+        directions = camera_directions(Pinhole(*_VIEW_SIZE, _VIEW_FOV, azimuth=azimuth))
+        photo = photo_from_array(tone_map(sample_latlong(linear, directions)))
+        segments = photo_segments(model.predict_one(photo), photo)
+        assert segments is not None
         x, y = np.moveaxis(latlong_pixel(directions, FEATURE_ROWS), -1, 0)
         cell = np.minimum(y, FEATURE_ROWS - 1).astype(np.intp) * shape[1] + x.astype(np.intp) % shape[1]
         seen = np.bincount(cell.reshape(-1), minlength=shape[0] * shape[1]).reshape(shape)

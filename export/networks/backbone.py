@@ -110,9 +110,14 @@ class Backbone(nn.Module):
             layer.eval()
         return self
 
+    def frozen_features(self, x: Tensor) -> Tensor:
+        """Maps (B, 24, H/4, W/4) of photos (B, 3, H, W), which are the same in all networks."""
+        maps: Tensor = self.blocks[: self.FROZEN](nn.functional.relu6(self.stem(x)))
+        return maps
+
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Maps (B, 112, H/16, W/16) and (B, 320, H/32, W/32) of photos (B, 3, H, W), and 1280 pooled features."""
-        middle = self.blocks[: self.MIDDLE_BLOCKS](nn.functional.relu6(self.stem(x)))
+        middle = self.blocks[self.FROZEN : self.MIDDLE_BLOCKS](self.frozen_features(x))
         last = self.blocks[self.MIDDLE_BLOCKS :](middle)
         return middle, last, nn.functional.relu6(self.head(last)).mean(dim=(2, 3))
 

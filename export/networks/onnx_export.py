@@ -26,8 +26,9 @@ from torch import Tensor, nn
 
 from export.crops.targets import CELL, COLUMNS, MIN_RADIANCE, ROWS
 from export.data.panoramas import DataError
-from export.networks.backbone import NetworkOutput
+from export.networks.backbone import Backbone, NetworkOutput
 from export.networks.outdoor import ROLL_SCALE, decode_parameters, mean_of_camera_bins, roll_bins_std
+from export.networks.segmentation import SegmentationBranch, check_frozen_features, read_segmentation
 from export.networks.weights import (
     describe_data,
     have_different_specs,
@@ -38,7 +39,7 @@ from export.networks.weights import (
 )
 from lighting.errors import ModelError
 from lighting.geometry import angles
-from lighting.model import OPTIONAL_OUTPUTS, OUTPUTS, Model, weights_path
+from lighting.model import OUTPUTS, Model, weights_path
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
@@ -322,7 +323,8 @@ class _Ensemble(nn.Module):
     probabilities are multiplied by exp(-elevation / scale): suns are lower in photographs than in the training crops.
     In the same way the camera is taken to be level, as photographs are, by networks with bins.
     A sun that the networks see in the picture enters the probabilities. Networks that learnt it also predict the light
-    (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3).
+    (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3). With `segmentation`, a branch of the first network
+    tells what the canvas shows.
     """
 
     cells: Tensor
@@ -335,8 +337,12 @@ class _Ensemble(nn.Module):
         temperature: float = 1.0,
         cameras: Sequence[nn.Module] = (),
         elevation_scale: float = math.inf,
+        segmentation: SegmentationBranch | None = None,
     ) -> None:
         super().__init__()
+        self.segmentation = segmentation
+        # A copy, for weights of one layer that is used twice are not folded; equal nodes are merged later.
+        self.beginning = copy.deepcopy(networks[0].backbone) if segmentation else None
         self.cameras = nn.ModuleList(cameras)
         self.networks = nn.ModuleList(networks)
         self.temperature = temperature
@@ -347,7 +353,8 @@ class _Ensemble(nn.Module):
     @property
     def outputs(self) -> list[str]:
         """Names of what `forward` returns."""
-        return [*OUTPUTS, *(OPTIONAL_OUTPUTS if any(n.light is not None for n in self.networks) else ())]
+        of_light = ["light", "around"] if any(n.light is not None for n in self.networks) else []
+        return [*OUTPUTS, *of_light, *(["segments"] if self.segmentation else [])]
 
     def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
         predicted: list[NetworkOutput] = [network(photo) for network in self.networks]
@@ -361,7 +368,14 @@ class _Ensemble(nn.Module):
         if in_view:
             rays = _cell_directions(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
             sun = _fuse_sun_in_view(sun, torch.stack(in_view).mean(dim=0), rays, self.cells)
-        return sun, parameters, *_light_values(predicted)
+        return sun, parameters, *_light_values(predicted), *self._segments(photo)
+
+    def _segments(self, photo: Tensor) -> tuple[Tensor, ...]:
+        """Probabilities (B, H/8, W/8, classes) of what the canvas shows; nothing without a branch for it."""
+        if self.segmentation is None or not isinstance(self.beginning, Backbone):
+            return ()
+        logits = self.segmentation(self.beginning.frozen_features(photo))
+        return (logits.softmax(dim=1).permute(0, 2, 3, 1),)
 
 
 def _camera_values(predicted: NetworkOutput) -> Tensor:
@@ -401,6 +415,7 @@ def write_onnx(
     version: str | None = None,
     cameras: Sequence[Path] = (),
     elevation_scale: float = math.inf,
+    segments: Path | None = None,
 ) -> float:
     """Write a graph and its weights beside it; returns the largest difference to torch, relative to each output.
 
@@ -411,9 +426,10 @@ def write_onnx(
         version: of the network; None for the first run's.
         cameras: folders of the runs whose networks answer for the camera instead; empty for those of `folders`.
         elevation_scale: deg; probabilities are multiplied by exp(-elevation / scale), with inf by 1.
+        segments: folder of the run whose branch tells what photos show; None: nothing tells it.
 
     Raises:
-        DataError: if the runs' networks expect different photos.
+        DataError: if the runs' networks expect different photos, or the branch does not fit the first of them.
         ModelError: if the answers differ from torch's by more than _TOLERANCE, or by more than ROUNDED_TOLERANCE once
             the weights are stored in half precision.
 
@@ -424,7 +440,11 @@ def write_onnx(
     spec, metadata = _describe(folders, version)
     metadata["cameras"] = json.dumps([training_history(read_record(f)) for f in cameras])
     networks, of_cameras = ([read_network(f) for f in some] for some in (folders, cameras))
-    ensemble = _Ensemble(networks, spec.sun_grid, temperature, of_cameras, elevation_scale).eval()
+    branch = None if segments is None else read_segmentation(segments)
+    if branch is not None and segments is not None:
+        check_frozen_features(networks[0], (spec.height, spec.width))
+        metadata["segments"] = str(read_record(segments)["training_data"])
+    ensemble = _Ensemble(networks, spec.sun_grid, temperature, of_cameras, elevation_scale, branch).eval()
     metadata["networks"] = str(len(folders) + len(cameras))
     metadata |= {"temperature": f"{temperature:.3f}", "elevation_scale": f"{elevation_scale:g}"}
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -57,7 +57,6 @@ from lighting.geometry import (
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
 from lighting.records import Lighting
-from lighting.segmentation import packaged_segmenter
 
 # How like a real place a map looks, and how near objects in it come to the truth.
 
@@ -568,6 +567,7 @@ def _write_view(panorama: Panorama, estimator: Estimator, file: Path) -> None:
         photo=photo.pixels,
         coarse=estimate.surroundings if estimate.surroundings is not None else np.zeros(0, np.float32),
         truth=truth.astype(np.float16),
+        segments=estimate.segments if estimate.segments is not None else np.zeros(0, np.float32),
         lighting=json.dumps(estimate.lighting.to_dict()),
     )
 
@@ -591,7 +591,8 @@ def _read_views(files: Sequence[Path], panoramas: Sequence[Panorama]) -> Iterato
             lighting = Lighting.from_dict(json.loads(str(stored["lighting"])))
             coarse = stored["coarse"] if stored["coarse"].size else None
             photo = stored["photo"]
-            context = PhotoContext(photo, coarse, lighting.exposure, lighting, packaged_segmenter()(photo))
+            segments = stored["segments"] if stored["segments"].size else None
+            context = PhotoContext(photo, coarse, lighting.exposure, lighting, segments)
             yield _TrueView(panorama.place, lighting, context, stored["truth"].astype(np.float32))
 
 

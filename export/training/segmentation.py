@@ -1,17 +1,13 @@
-"""The segmentation network, which says what each cell of a photo shows, and its training on `ground.csv`.
+"""Training of the head that says what each cell of a photo shows, on `ground.csv`.
 
-It has EfficientNet-Lite0's first stages, and their context. The maps at a sixteenth of the picture's resolution see a
-cell and what is near; those at half of that, and their mean, see the whole scene. The stages keep their ImageNet
-weights, for the labelled pictures are few: only the head learns.
-
-`ground.csv` lists pictures with a grid of what their cells show. Each is varied, and the frozen stages are computed
-once for each variant. `cross_validate` tells what a network is worth on groups that it has not seen; choices are made
-by it alone.
+`ground.csv` lists pictures with a grid of what their cells show. Each is varied, and the frozen blocks are computed
+once for each variant. Most of a batch are pictures without labels; what they show is what a teacher says of them as
+they are. `cross_validate` tells what a head is worth on groups that it has not seen.
 """
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -22,201 +18,44 @@ from torch import Tensor, nn
 
 from export.crops.augmentation import recompress
 from export.data.panoramas import DataError, read_table
-from export.networks.backbone import Backbone, conv_batch_norm, load_imagenet
-from export.networks.onnx_export import add_metadata, store_small, strip_origin, trace_onnx
-from lighting.errors import ModelError
-from lighting.files import atomic_write
-from lighting.geometry import Floats
+from export.networks.outdoor import network_specs
+from export.networks.segmentation import (
+    Features,
+    SegmentationBranch,
+    SegmentationHead,
+    imagenet_backbone,
+    raise_odds,
+)
+from export.networks.weights import check_new, write_run
+from export.training.segmentation_teacher import SegmentationTeacher, read_unlabelled_pictures
+from lighting.geometry import Floats, fit_in_box
+from lighting.model import pad_to_input
 from lighting.photo.reader import read_photo
-from lighting.segmentation import CELL_PIXELS, INPUT_SIZE, Segmenter, SurfaceClass
-
-# The network.
-
-MEAN, STD = 127.0, 128.0  # of the input's sRGB values, as the ImageNet weights expect them
-
-_MIDDLE, _DEEP = Backbone.MIDDLE_BLOCKS, 13  # blocks after which maps are 1/16 and 1/32 of the picture
-_WIDTH = 128  # channels of a head
-_CHANNELS = {"middle": 112, "deep": 192}
-_MIN_BYTES = 20_000  # elements of a tensor that is stored as bytes with scales
-_TOLERANCE = 0.1  # of a probability, largest difference between torch and onnxruntime: weights are stored small
-_MIN_CELLS = 4  # of the input, each way
-_FEATURES_DROP = 0.3  # share of the frozen stages' features that training leaves out
-_DROP = 0.2  # share of the head's channels that training leaves out
-
-
-class _SegmentationNetwork(nn.Module):
-    """Logits (B, classes, H / 16, W / 16) of pictures (B, H, W, 3) in 8-bit sRGB."""
-
-    def __init__(self, *, pretrained: bool = True, width: int = _WIDTH) -> None:
-        """Make a network to train.
-
-        Args:
-            pretrained: whether its stages have their ImageNet weights.
-            width: channels of the head.
-        """
-        super().__init__()
-        backbone = Backbone(drop_path=0.0)
-        if pretrained:
-            load_imagenet(backbone)
-        blocks = list(backbone.blocks)
-        self.stem = backbone.stem
-        self.middle = nn.Sequential(*blocks[:_MIDDLE])
-        self.deep = nn.Sequential(*blocks[_MIDDLE:_DEEP])
-        self.features_drop = nn.Dropout(_FEATURES_DROP)
-        self.near = conv_batch_norm(_CHANNELS["middle"], width, 1)
-        self.far = conv_batch_norm(_CHANNELS["deep"], width, 1)
-        self.whole = nn.Linear(_CHANNELS["deep"], width)
-        self.drop = nn.Dropout2d(_DROP)
-        self.classes = nn.Conv2d(width, len(SurfaceClass), 1)
-        for part in self._frozen():
-            part.requires_grad_(False)
-
-    def _frozen(self) -> list[nn.Module]:
-        return [self.stem, self.middle, self.deep]
-
-    def train(self, mode: bool = True) -> "_SegmentationNetwork":
-        """Set the mode; the pretrained layers keep their statistics."""
-        super().train(mode)
-        for part in self._frozen():
-            part.eval()
-        return self
-
-    def frozen_features(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
-        """Maps (B, 112, H / 16, W / 16) and (B, 192, H / 32, W / 32), which training leaves as they are.
-
-        Args:
-            pictures: (B, H, W, 3) sRGB values from 0 to 255.
-        """
-        x = (pictures.permute(0, 3, 1, 2).float() - MEAN) / STD  # channels last, as the pictures are
-        middle = self.middle(nn.functional.relu6(self.stem(x)))
-        return middle, self.deep(middle)
-
-    def classify(self, middle: Tensor, deep: Tensor) -> Tensor:
-        """Logits (B, classes, H / 16, W / 16) of `frozen_features`.
-
-        Args:
-            middle: the first of them.
-            deep: the second.
-        """
-        middle, deep = self.features_drop(middle), self.features_drop(deep)
-        far = nn.functional.interpolate(self.far(deep), size=middle.shape[2:], mode="bilinear", align_corners=False)
-        x = nn.functional.relu6(self.near(middle) + far + self.whole(deep.mean(dim=(2, 3)))[..., None, None])
-        logits: Tensor = self.classes(self.drop(x))
-        return logits
-
-    def forward(self, pictures: Tensor) -> Tensor:
-        return self.classify(*self.frozen_features(pictures))
-
-
-def _join_heads(networks: Sequence[_SegmentationNetwork], shares: Sequence[float]) -> _SegmentationNetwork:
-    """Return one network whose logits are a weighted mean of those of networks with the same frozen stages.
-
-    Args:
-        networks: trained.
-        shares: of the networks, which sum to 1.
-    """
-    states = [network.state_dict() for network in networks]
-    joined = dict(states[0])
-    for name, value in states[0].items():
-        if name.startswith(("near.", "far.", "whole.")) and value.ndim:
-            joined[name] = torch.cat([state[name] for state in states])
-    joined["classes.weight"] = torch.cat(
-        [share * state["classes.weight"] for share, state in zip(shares, states, strict=True)], dim=1
-    )
-    joined["classes.bias"] = torch.stack(
-        [share * state["classes.bias"] for share, state in zip(shares, states, strict=True)]
-    ).sum(dim=0)
-    network = _SegmentationNetwork(pretrained=False, width=joined["whole.bias"].numel())
-    network.load_state_dict(joined)
-    return network.eval()
-
-
-def _raise_odds(network: _SegmentationNetwork, kind: SurfaceClass, factor: float) -> None:
-    """Make a class likelier everywhere.
-
-    Args:
-        network: changed in place.
-        kind: the class.
-        factor: by which its odds against each other class grow.
-    """
-    bias = network.classes.bias
-    assert bias is not None
-    with torch.no_grad():
-        bias[kind] += math.log(factor)
-
-
-class _Probabilities(nn.Module):
-    """What the ONNX file computes: probabilities (B, R, C, classes) of pictures (B, H, W, 3)."""
-
-    def __init__(self, network: _SegmentationNetwork) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, photo: Tensor) -> Tensor:
-        logits: Tensor = self.network(photo)
-        return logits.softmax(dim=1).permute(0, 2, 3, 1)
-
-
-def _write_segmentation_onnx(network: _SegmentationNetwork, path: Path, metadata: dict[str, str]) -> float:
-    """Write the network for `lighting.segmentation.Segmenter`; returns the largest difference to torch.
-
-    Args:
-        network: trained.
-        path: the ONNX file, which holds its weights.
-        metadata: for people.
-
-    Raises:
-        ModelError: if the probabilities differ from torch's by more than _TOLERANCE.
-    """
-    answer = _Probabilities(network).eval()
-    size = {axis: torch.export.Dim(name, min=_MIN_CELLS) * CELL_PIXELS for axis, name in ((1, "rows"), (2, "columns"))}
-    model = trace_onnx(answer, torch.zeros(1, *INPUT_SIZE[::-1], 3, dtype=torch.uint8), ["segments"], size)
-    strip_origin(model)
-    store_small(model, _MIN_BYTES)
-    add_metadata(model, metadata)
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(model.SerializeToString())
-        difference = _difference(answer, temporary)
-        if not difference <= _TOLERANCE:
-            raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {_TOLERANCE:.0e}.")
-    return difference
-
-
-def _difference(answer: nn.Module, file: Path) -> float:
-    """The largest difference of the file's probabilities from torch's, over pictures of both orientations."""
-    segmenter, rng = Segmenter(file), np.random.default_rng(1)
-    worst = 0.0
-    for size in (INPUT_SIZE, INPUT_SIZE[::-1]):
-        blocks = rng.integers(0, 256, (size[1] // 32, size[0] // 32, 3), dtype=np.uint8)
-        picture = blocks.repeat(32, axis=0).repeat(32, axis=1)
-        with torch.inference_mode():
-            expected = answer(torch.from_numpy(picture)[None])[0].numpy()
-        worst = max(worst, float(np.abs(segmenter(picture) - expected).max()))
-    return worst
-
-
-# Its training.
+from lighting.segmentation import CELL_PIXELS, SurfaceClass, resample_segments
 
 TABLE = "ground.csv"
 _MORE = Path(__file__).parents[1] / "data" / "ground_more.csv"  # grids of photos of `train`
 LETTERS = "GUWTBVPOMS"  # of the grid, in the order of SurfaceClass
 
 _COLUMNS = ("file", "split", "columns", "rows", "grid", "weak", "panorama")
-_VARIANTS = 6  # of each picture
-_EPOCHS = 2.5  # over all variants
-_BATCH = 16
+_VARIANTS = 8  # of each picture
+_STEPS = 1200
+_BATCH, _TAUGHT = 8, 24  # of a step: variants of labelled pictures, and of those without labels
+_FEATURE_BATCH = 16  # pictures of which the frozen blocks are computed together
+_SPEC = network_specs("")["outdoor"]  # whose canvas a head sees
+_CANVAS = np.array([_SPEC.width, _SPEC.height])
 _LEARNING_RATE = 2e-3
 _WEIGHT_DECAY = 0.3
 _WARM_UP = 0.1  # of the steps
 _MIN_CROP = 0.55  # share of a picture's sides
 _TURNED = 0.15  # share of the variants of the other orientation
+_STRETCH_STD = 0.1  # of the logarithm of a part's width over its height
 _NOISY, _NOISE = 0.3, np.float32(0.03)  # share of the variants with noise, and its standard deviation
-_SAMPLES = 4  # of a grid, each way in a cell of the network
+_SAMPLES = 4  # of a grid, each way in a cell of the canvas
 _BLUR = 0.2  # of a cell's label that it has from its neighbours: edges are uncertain by one class
 _RARITY_POWER = 0.15  # of a class's share by which its cells count more
 _GROUND_WEIGHT = 1.0  # of the loss of ground against the rest
-_MORE_SHARE = 0.65  # of the head that more pictures taught; the other learned from the table alone
-_GROUND_ODDS = 1.7  # by which ground is likelier than trained: the further pictures show less of it than photos do
+_GROUND_ODDS = 1.7  # by which ground is likelier than trained: half of the labelled pictures show none
 _FOLDS = 4
 
 
@@ -280,16 +119,23 @@ def _picture(folder: Path, row: dict[str, str], groups: dict[str, str]) -> Label
 
 
 @dataclass(frozen=True, eq=False)
+class _Part:
+    """A part of a labelled picture that fills the canvas."""
+
+    pixels: NDArray[np.uint8]  # (h, w, 3) sRGB
+    target: NDArray[np.float32]  # (R, C, classes) shares in the cells of the canvas, 0 beside the part
+
+
+@dataclass(frozen=True, eq=False)
 class _Variant:
-    """A varied picture as the trained layers get it."""
+    """A varied picture as the head gets it."""
 
-    middle: Tensor  # the first of `_SegmentationNetwork.frozen_features`, in half precision
-    deep: Tensor  # the second
-    target: Tensor  # (classes, H / 16, W / 16) shares
+    features: Features  # of a branch, in half precision
+    target: Tensor  # (classes, R, C) shares, 0 beside the picture
 
 
-def _vary_picture(picture: LabelledPicture, rng: np.random.Generator) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """A random part of a picture in other light (H, W, 3), and the shares of classes in its cells (h, w, classes).
+def _vary_picture(picture: LabelledPicture, rng: np.random.Generator) -> _Part:
+    """A random part of a picture in other light.
 
     Args:
         picture: with its grid.
@@ -297,41 +143,44 @@ def _vary_picture(picture: LabelledPicture, rng: np.random.Generator) -> tuple[N
     """
     height, width = picture.pixels.shape[:2]
     landscape = (width >= height) != (rng.random() < _TURNED)
-    size = INPUT_SIZE if landscape else INPUT_SIZE[::-1]
-    share, stretch = rng.uniform(_MIN_CROP, 1.0), np.exp(rng.normal(0, 0.1))
+    share, stretch = rng.uniform(_MIN_CROP, 1.0), np.exp(rng.normal(0, _STRETCH_STD))
     shares = np.minimum(share * np.array([stretch, 1 / stretch]), 1.0)
     if landscape != (width >= height):
         shares[int(landscape)] *= 0.6
-    first = rng.uniform(0, 1 - shares)
-    (left, top), (right, bottom) = first * (width, height), (first + shares) * (width, height)
-    part = Image.fromarray(picture.pixels).resize(size, Image.Resampling.BOX, box=(left, top, right, bottom))
-    target = _cell_shares(picture.grid, first, shares, (size[1] // CELL_PIXELS, size[0] // CELL_PIXELS))
-    pixels = _vary_light(np.asarray(part), rng)
-    return _mirror(pixels, target) if rng.random() < 0.5 else (pixels, target)
+    part = _cut_part(picture, rng.uniform(0, 1 - shares), shares)
+    part = replace(part, pixels=_vary_light(part.pixels, rng))
+    return _mirror(part) if rng.random() < 0.5 else part
 
 
-def _mirror(pixels: NDArray[np.uint8], target: NDArray[np.float32]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """The mirror images of a picture (H, W, 3) and of the shares in its cells (h, w, classes)."""
-    return np.ascontiguousarray(pixels[:, ::-1]), np.ascontiguousarray(target[:, ::-1])
+def _cut_part(picture: LabelledPicture, first: Floats, shares: Floats) -> _Part:
+    """The part of a picture that begins at `first` (x, y) and has these shares of its width and height."""
+    size = np.array(picture.pixels.shape[1::-1])
+    box = (*(first * size), *((first + shares) * size))
+    width, height = (max(1, round(side)) for side in shares * size)
+    part_size = fit_in_box(width, height, _SPEC.width, _SPEC.height)
+    image = Image.fromarray(picture.pixels).resize(part_size, Image.Resampling.HAMMING, box=box, reducing_gap=1.0)
+    return _Part(np.asarray(image), _cell_shares(picture.grid, first, shares, part_size))
 
 
-def _whole_picture(picture: LabelledPicture) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """The same as `_vary_picture` returns it, of the picture as it is."""
-    size = INPUT_SIZE if picture.pixels.shape[1] >= picture.pixels.shape[0] else INPUT_SIZE[::-1]
-    pixels = np.array(Image.fromarray(picture.pixels).resize(size, Image.Resampling.BOX))
-    cells = size[1] // CELL_PIXELS, size[0] // CELL_PIXELS
-    return pixels, _cell_shares(picture.grid, np.zeros(2), np.ones(2), cells)
+def _mirror(part: _Part) -> _Part:
+    return _Part(np.ascontiguousarray(part.pixels[:, ::-1]), np.ascontiguousarray(part.target[:, ::-1]))
 
 
 def _cell_shares(grid: NDArray[np.intp], first: Floats, shares: Floats, size: tuple[int, int]) -> NDArray[np.float32]:
-    """The shares (h, w, classes) of classes in the cells of a part of a grid, which begins at `first` (x, y)."""
-    rows, columns = (
-        np.minimum(((begin + share * (np.arange(_SAMPLES * count) + 0.5) / (_SAMPLES * count)) * cells), cells - 1)
-        for begin, share, count, cells in zip(first[::-1], shares[::-1], size, grid.shape, strict=True)
-    )
-    labels = grid[rows.astype(np.intp)[:, None], columns.astype(np.intp)]
-    ones = np.eye(len(SurfaceClass), dtype=np.float32)[labels]
-    return np.asarray(ones.reshape(size[0], _SAMPLES, size[1], _SAMPLES, -1).mean(axis=(1, 3)))
+    """The shares (R, C, classes) of classes in the cells of the canvas, 0 beside the part.
+
+    The part of the grid begins at `first` (x, y), has these shares of it, and `size` (w, h) in the canvas's middle.
+    """
+    places, inside = [], []
+    for side, begin, share, count, length in zip(_CANVAS, first, shares, grid.shape[::-1], size, strict=True):
+        samples = (np.arange(side // CELL_PIXELS * _SAMPLES) + 0.5) * CELL_PIXELS / _SAMPLES
+        part = (samples - (side - length) // 2) / length
+        places.append(np.clip(((begin + share * part) * count).astype(np.intp), 0, count - 1))
+        inside.append((part >= 0) & (part < 1))
+    ones = np.eye(len(SurfaceClass), dtype=np.float32)[grid[places[1][:, None], places[0]]]
+    ones *= (inside[1][:, None] & inside[0])[..., None]
+    rows, columns = (length // _SAMPLES for length in ones.shape[:2])
+    return np.asarray(ones.reshape(rows, _SAMPLES, columns, _SAMPLES, -1).mean(axis=(1, 3)))
 
 
 def _vary_light(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
@@ -352,137 +201,169 @@ def _vary_light(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[
     return recompress(picture, rng) if rng.random() < 0.5 else picture
 
 
-def _make_variants(network: _SegmentationNetwork, pictures: Sequence[LabelledPicture], seed: int) -> list[_Variant]:
+class _FrozenNetwork:
+    """The part of the network that does not learn."""
+
+    def __init__(self) -> None:
+        self.backbone, self.branch = imagenet_backbone(), SegmentationBranch(SegmentationHead()).eval()
+
+    def __call__(self, pictures: Sequence[NDArray[np.uint8]]) -> Features:
+        """The branch's features of pictures (h, w, 3) that fill the canvas."""
+        canvases = torch.from_numpy(np.stack([pad_to_input(pixels, _SPEC) for pixels in pictures]))
+        with torch.inference_mode():
+            return self.branch.features(self.backbone.frozen_features(canvases))
+
+
+def _make_variants(frozen: _FrozenNetwork, pictures: Sequence[LabelledPicture], seed: int) -> list[_Variant]:
     """_VARIANTS of each picture but the weak ones, the picture as it is, and its mirror image."""
     rng = np.random.default_rng(seed)
     sure = [picture for picture in pictures if not picture.weak]
-    varied = [_vary_picture(picture, rng) for picture in sure for _ in range(_VARIANTS)]
-    whole = [_whole_picture(picture) for picture in sure]
-    varied += whole + [_mirror(*picture) for picture in whole]
-    made: dict[int, _Variant] = {}
-    for shape in {pixels.shape for pixels, _ in varied}:
-        numbers = [number for number, (pixels, _) in enumerate(varied) if pixels.shape == shape]
-        for first in range(0, len(numbers), _BATCH):
-            some = numbers[first : first + _BATCH]
-            made |= zip(some, _with_features(network, [varied[number] for number in some]), strict=True)
-    return [made[number] for number in range(len(varied))]
+    parts = [_vary_picture(picture, rng) for picture in sure for _ in range(_VARIANTS)]
+    whole = [_cut_part(picture, np.zeros(2), np.ones(2)) for picture in sure]
+    parts += whole + [_mirror(part) for part in whole]
+    return _compute_variants(frozen, parts, _BLUR)
 
 
-def _with_features(
-    network: _SegmentationNetwork, varied: Sequence[tuple[NDArray[np.uint8], NDArray[np.float32]]]
-) -> list[_Variant]:
-    """Varied pictures of one size as the trained layers get them."""
-    pictures, shares = (np.stack(some) for some in zip(*varied, strict=True))
-    target = torch.from_numpy(shares).permute(0, 3, 1, 2)
+def _make_taught(frozen: _FrozenNetwork, teacher: SegmentationTeacher, data: Path) -> list[_Variant]:
+    """One variant of each view without labels, and what the teacher says of it as it is."""
+    rng = np.random.default_rng(3)
+    return _compute_variants(frozen, (_teach(teacher, view, rng) for view in read_unlabelled_pictures(data, 4)), 0.0)
+
+
+def _teach(teacher: SegmentationTeacher, view: NDArray[np.uint8], rng: np.random.Generator) -> _Part:
+    """A view in other light, and what the teacher says of it."""
+    size = fit_in_box(view.shape[1], view.shape[0], _SPEC.width, _SPEC.height)
+    small = np.asarray(Image.fromarray(view).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
+    planes = (Image.fromarray(np.ascontiguousarray(plane)) for plane in np.moveaxis(teacher(view), 2, 0))
+    pixels = np.stack([np.asarray(plane.resize(size, Image.Resampling.BILINEAR)) for plane in planes], axis=-1)
+    part = _Part(_vary_light(small, rng), _average_cells(pixels))
+    return _mirror(part) if rng.random() < 0.5 else part
+
+
+def _average_cells(shares: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Shares (R, C, classes) in the canvas's cells, 0 beside the picture, by those of its pixels (h, w, classes)."""
+    (height, width), (columns, rows) = shares.shape[:2], _CANVAS // CELL_PIXELS
+    canvas = np.zeros((_SPEC.height, _SPEC.width, len(SurfaceClass)), np.float32)
+    top, left = (_SPEC.height - height) // 2, (_SPEC.width - width) // 2
+    canvas[top : top + height, left : left + width] = shares
+    return np.asarray(canvas.reshape(rows, CELL_PIXELS, columns, CELL_PIXELS, -1).mean(axis=(1, 3)))
+
+
+def _compute_variants(frozen: _FrozenNetwork, parts: Iterable[_Part], blur: float) -> list[_Variant]:
+    """Parts of pictures as the head gets them; cells have that share of their labels from their neighbours."""
+    variants: list[_Variant] = []
+    remaining = iter(parts)
+    while some := list(islice(remaining, _FEATURE_BATCH)):
+        variants += _with_features(frozen, some, blur)
+    return variants
+
+
+def _with_features(frozen: _FrozenNetwork, parts: Sequence[_Part], blur: float) -> list[_Variant]:
+    target = torch.from_numpy(np.stack([part.target for part in parts])).permute(0, 3, 1, 2)
+    inside = target.sum(dim=1, keepdim=True)
     near = nn.functional.avg_pool2d(nn.functional.pad(target, (1, 1, 1, 1), mode="replicate"), 3, 1)
-    blurred = (1 - _BLUR) * target + _BLUR * near
-    with torch.inference_mode():
-        middle, deep = (maps.half().contiguous() for maps in network.frozen_features(torch.from_numpy(pictures)))
-    return [_Variant(*parts) for parts in zip(middle, deep, blurred, strict=True)]
+    near = inside * near / near.sum(dim=1, keepdim=True).clamp_min(1e-6)
+    blurred = (1 - blur) * target + blur * near
+    features = (maps.half() for maps in frozen([part.pixels for part in parts]))
+    return [_Variant((fine, middle, far), shares) for fine, middle, far, shares in zip(*features, blurred, strict=True)]
 
 
-def _fit(network: _SegmentationNetwork, variants: Sequence[_Variant], epochs: float = _EPOCHS, seed: int = 0) -> None:
-    """Train the head on variants."""
-    rng = np.random.default_rng(seed)
-    share = torch.stack([v.target.mean(dim=(1, 2)) for v in variants]).mean(dim=0)
+def _train_head(variants: Sequence[_Variant], taught: Sequence[_Variant]) -> SegmentationHead:
+    """A head that learned from labelled variants and from taught ones."""
+    torch.manual_seed(1)
+    head, rng = SegmentationHead(), np.random.default_rng(0)
+    share = torch.stack([v.target.sum(dim=(1, 2)) for v in variants]).mean(dim=0)
+    share = share / share.sum()
     weight = (share + 0.005) ** -_RARITY_POWER
     weight = weight / (weight * share).sum()
-    learning = [p for p in network.parameters() if p.requires_grad]
-    optimizer = torch.optim.AdamW(learning, _LEARNING_RATE, weight_decay=_WEIGHT_DECAY)
-    steps = max(1, round(epochs * len(variants) / _BATCH))
+    optimizer = torch.optim.AdamW(head.parameters(), _LEARNING_RATE, weight_decay=_WEIGHT_DECAY)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimizer, _LEARNING_RATE, total_steps=steps + 1, pct_start=_WARM_UP, cycle_momentum=False
+        optimizer, _LEARNING_RATE, total_steps=_STEPS + 1, pct_start=_WARM_UP, cycle_momentum=False
     )
-    upright = [v for v in variants if v.target.shape[1] > v.target.shape[2]]
-    lying = [v for v in variants if v.target.shape[1] <= v.target.shape[2]]
-    network.train()
-    for _ in range(steps):
-        pool = upright if rng.random() < len(upright) / len(variants) else lying
-        batch = [pool[i] for i in rng.choice(len(pool), _BATCH)]
-        middle, deep = torch.stack([v.middle for v in batch]), torch.stack([v.deep for v in batch])
-        loss = _loss(network.classify(middle.float(), deep.float()), torch.stack([v.target for v in batch]), weight)
+    head.train()
+    for _ in range(_STEPS):
+        batch = [variants[i] for i in rng.choice(len(variants), _BATCH)]
+        if taught:
+            batch += [taught[i] for i in rng.choice(len(taught), _TAUGHT)]
+        features = (torch.stack(maps).float() for maps in zip(*(v.features for v in batch), strict=True))
+        loss = _loss(head(*features), torch.stack([v.target for v in batch]), weight)
         optimizer.zero_grad()
         torch.autograd.backward(loss)
         optimizer.step()
         schedule.step()
-    network.eval()
+    raise_odds(head, SurfaceClass.GROUND, _GROUND_ODDS)
+    return head.eval()
 
 
 def _loss(logits: Tensor, target: Tensor, weight: Tensor) -> Tensor:
-    """Cross entropy with shares, and that of ground against the rest."""
-    log = logits.log_softmax(dim=1)
-    classes = -(weight[:, None, None] * target * log).sum(dim=1).mean()
-    ground = log[:, SurfaceClass.GROUND].exp().clamp(1e-4, 1 - 1e-4)
-    return classes + _GROUND_WEIGHT * nn.functional.binary_cross_entropy(ground, target[:, SurfaceClass.GROUND])
+    """Cross entropy with shares, and that of ground against the rest, over the cells of pictures."""
+    log, inside = logits.log_softmax(dim=1), target.sum(dim=1)
+    classes = -(weight[:, None, None] * target * log).sum()
+    ground, share = log[:, SurfaceClass.GROUND].exp().clamp(1e-4, 1 - 1e-4), target[:, SurfaceClass.GROUND]
+    against_rest = -(share * ground.log() + (inside - share) * (1 - ground).log()).sum()
+    return (classes + _GROUND_WEIGHT * against_rest) / inside.sum()
 
 
-def _predict_grid(network: nn.Module, pixels: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.float32]:
+def _predict_grid(
+    frozen: _FrozenNetwork, head: SegmentationHead, pixels: NDArray[np.uint8], shape: tuple[int, int]
+) -> NDArray[np.float32]:
     """Probabilities (R, C, classes) of a picture on a grid.
 
     Args:
-        network: that gives logits.
+        frozen: whose features the head takes.
+        head: trained.
         pixels: (h, w, 3) sRGB.
         shape: (R, C) of the grid.
     """
-    size = INPUT_SIZE if shape[1] > shape[0] else INPUT_SIZE[::-1]
-    small = np.array(Image.fromarray(pixels).resize(size, Image.Resampling.BOX))
+    height, width = pixels.shape[:2]
+    size = fit_in_box(width, height, _SPEC.width, _SPEC.height)
+    small = np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
     with torch.inference_mode():
-        shares = network(torch.from_numpy(small)[None]).softmax(dim=1)
-        cells: NDArray[np.float32] = nn.functional.adaptive_avg_pool2d(shares, shape)[0].permute(1, 2, 0).numpy()
+        canvas = head(*frozen([small])).softmax(dim=1)[0].permute(1, 2, 0).numpy()
+        segments = torch.from_numpy(resample_segments(canvas, width, height)).permute(2, 0, 1)
+        cells: NDArray[np.float32] = nn.functional.adaptive_avg_pool2d(segments, shape).permute(1, 2, 0).numpy()
     return cells
 
 
-def train_segmentation(data: Path, out: Path) -> str:
-    """Train the network on the `train` rows and write it as ONNX; returns what was written, in words.
+def train_segmentation(data: Path, teacher: Path, out: Path) -> str:
+    """Train a head on the `train` rows and write its branch as a run; returns what was written, in words.
 
     Args:
-        data: folder with `ground.csv`.
-        out: the ONNX file.
+        data: folder with `ground.csv`, photos and panoramas.
+        teacher: ONNX file of segments-1.1.0.
+        out: folder to write, for `write_onnx`.
 
     Raises:
-        DataError: a table is missing, or a grid cannot be read.
+        DataError: a table is missing, a grid cannot be read, or the folder already holds a run.
+        ModelError: the teacher is missing or damaged.
     """
-    pictures, more = read_labelled_pictures(data, "train"), _read_more_pictures(data)
-    network = _train(pictures, more)
-    version = out.stem.rpartition("-")[2]
-    source = "pictures with grids of what they show, most with no stated licence"
-    described = f"from ImageNet weights, {len(pictures) + len(more)} {source}"
-    metadata = {"name": "segments", "version": version, "license": "Apache-2.0", "training_data": described}
-    difference = _write_segmentation_onnx(network, out, metadata)
-    return f"{out}: {out.stat().st_size / 1e6:.2f} MB, largest difference to torch {difference:.2f}"
-
-
-def _train(pictures: Sequence[LabelledPicture], more: Sequence[LabelledPicture]) -> _SegmentationNetwork:
-    """A network whose head joins two: one learned from the table's pictures, one from all."""
-    stages = _SegmentationNetwork().eval()
-    variants, further = _make_variants(stages, pictures, seed=1), _make_variants(stages, more, seed=2)
-    heads = [_train_head(variants)] + ([_train_head([*variants, *further])] if more else [])
-    network = _join_heads(heads, (1 - _MORE_SHARE, _MORE_SHARE) if more else (1.0,))
-    _raise_odds(network, SurfaceClass.GROUND, _GROUND_ODDS if more else 1.0)
-    return network
-
-
-def _train_head(variants: Sequence[_Variant]) -> _SegmentationNetwork:
-    torch.manual_seed(1)
-    network = _SegmentationNetwork().eval()
-    _fit(network, variants)
-    return network
+    check_new(out)
+    frozen, pictures = _FrozenNetwork(), [*read_labelled_pictures(data, "train"), *_read_more_pictures(data)]
+    taught = _make_taught(frozen, SegmentationTeacher(teacher), data)
+    branch = SegmentationBranch(_train_head(_make_variants(frozen, pictures, seed=1), taught))
+    grids = f"{len(pictures)} pictures with grids of what they show"
+    source = f"{grids} and {len(taught)} that another network answered for, most with no stated licence"
+    write_run(out, {"spec": asdict(_SPEC), "training_data": f"from ImageNet weights, {source}"}, branch.state_dict())
+    return f"{out}: a branch for `onnx --segments`, of {source}"
 
 
 def cross_validate(data: Path) -> str:
-    """What networks are worth on groups of the `train` rows that they have not seen, in words.
+    """What heads are worth on groups of the `train` rows that they have not seen, in words.
+
+    They have no teacher: it has seen these groups.
 
     Args:
         data: folder with `ground.csv`.
     """
     pictures = [picture for picture in read_labelled_pictures(data, "train") if not picture.weak]
-    more, folds = _read_more_pictures(data), _folds(pictures)
+    more, folds, frozen = _read_more_pictures(data), _folds(pictures), _FrozenNetwork()
     ground, right, cells = np.zeros(2), 0, 0
     for fold in range(_FOLDS):
         unseen = {picture.group for picture, number in zip(pictures, folds, strict=True) if number == fold}
-        network = _train(*([p for p in some if p.group not in unseen] for some in (pictures, more)))
+        seen = [picture for picture in (*pictures, *more) if picture.group not in unseen]
+        head = _train_head(_make_variants(frozen, seen, seed=1), [])
         for picture in (p for p, number in zip(pictures, folds, strict=True) if number == fold):
-            shares = _predict_grid(network, picture.pixels, (len(picture.grid), picture.grid.shape[1]))
+            shares = _predict_grid(frozen, head, picture.pixels, (len(picture.grid), picture.grid.shape[1]))
             found, true = shares[..., SurfaceClass.GROUND] > 0.5, picture.grid == SurfaceClass.GROUND
             ground += [(found & true).sum(), (found | true).sum()]
             right, cells = right + int((shares.argmax(axis=-1) == picture.grid).sum()), cells + picture.grid.size

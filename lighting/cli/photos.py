@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
-    from lighting.segmentation import Segments
 
 UNSUITABLE_STATUS = 3  # of --strict, where a photo is probably none of outdoors by daylight
 
@@ -110,7 +109,7 @@ def estimate_file(
         name: of the photo's file; "-" is stdin.
         user_input: what the user states of it.
         model: a network's file; None is the one in this package.
-        meanwhile: what to do while the networks run.
+        meanwhile: what to do while the network runs.
     """
     with console.prefix_errors(name):
         data = console.read_photo_bytes(name)
@@ -147,8 +146,7 @@ def estimate_photo(
 ) -> "tuple[Photo, Estimate]":
     """Decode a photo and estimate its light.
 
-    A thread loads the network meanwhile, and runs it while this one imports what comes after. Then it runs the second
-    network, which is loaded after the first is gone, while this one calls `meanwhile` and refines the prediction.
+    A thread loads the network meanwhile, and runs it while this one imports what comes after and calls `meanwhile`.
     Ctrl-C ends the process at once, for nothing is written yet.
 
     Args:
@@ -156,7 +154,7 @@ def estimate_photo(
         data: the photo's bytes.
         user_input: what the user states of it.
         model: a network's file; None is the one in this package.
-        meanwhile: what to do while the second network runs.
+        meanwhile: what to do while the network runs.
     """
     from lighting.model import preprocess
     from lighting.photo.reader import read_photo
@@ -167,23 +165,13 @@ def estimate_photo(
         network = loading.result()
         predictions = thread.submit(network.predict, preprocess(picture, network.spec))
         del loading, network  # so that the network is gone with its answer
-        segments = thread.submit(_segment, picture)
         from lighting.estimator import estimate_from_prediction
         from lighting.fusion.estimate import refine_prediction
 
-        (prediction,) = predictions.result()
         meanwhile()
+        (prediction,) = predictions.result()
         predicted = refine_prediction(prediction, picture, user_input)
-        return picture, estimate_from_prediction(picture, predicted, segments.result(), user_input)
-
-
-def _segment(photo: "Photo") -> "Segments":
-    """What the other network says that the photo shows; then it is gone, and what comes after takes its memory."""
-    from lighting.segmentation import packaged_segmenter
-
-    segments = packaged_segmenter()(photo.pixels)
-    packaged_segmenter.cache_clear()
-    return segments
+        return picture, estimate_from_prediction(picture, predicted, user_input)
 
 
 def _load_for_one_photo(model: str | None) -> "Model":

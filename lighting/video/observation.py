@@ -405,7 +405,7 @@ def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = No
     """
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
     with trace_step("network"):
-        prediction = model.predict_one(photo)
+        prediction = replace(model.predict_one(photo), segments=None)  # which nothing asks of most frames
     estimate = _apply_colors(screen_prediction(prediction, pixels), pixels)
     estimate = replace(estimate, sharpness=_measure_sharpness(pixels))
     if vertical_fov is None:

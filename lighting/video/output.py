@@ -40,9 +40,10 @@ from lighting.files import atomic_write, encode_png, escape_undecodable, write_e
 from lighting.files.exr import read_exr_attributes
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
+from lighting.ground import photo_segments
 from lighting.light_probe import LightProbe, compute_light_probe
 from lighting.model import Model
-from lighting.photo.reader import Photo
+from lighting.photo.reader import Photo, photo_from_array
 from lighting.preview.drawing import (
     SUN,
     WHITE,
@@ -59,7 +60,6 @@ from lighting.records import Lighting
 from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
-from lighting.segmentation import packaged_segmenter
 from lighting.tracing import trace_step
 from lighting.video.decode import Clip, local_address
 from lighting.video.observation import NETWORK_INTERVAL
@@ -243,13 +243,14 @@ def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, ta
 class _ViewReader:
     """Reads the frames that maps show; a context manager. The clip is opened at the first of them."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, model: Model) -> None:
         """Begin.
 
         Args:
             path: of the clip.
+            model: the network, which tells what frames show.
         """
-        self._path, self._wanted = path, set[int]()
+        self._path, self._model, self._wanted = path, model, set[int]()
         self._clip: Clip | None = None
 
     def __enter__(self) -> Self:
@@ -278,17 +279,18 @@ class _ViewReader:
             self._frames = self._clip.frames(self._wanted)
         self._wanted.add(int(shot.frames[shot.view.index]))
         frame = next(self._frames, None)
-        return None if frame is None else _view_context(shot, frame.pixels)
+        return None if frame is None else _view_context(shot, frame.pixels, self._model)
 
 
-def _view_context(shot: Shot, pixels: NDArray[np.uint8]) -> PhotoContext | None:
+def _view_context(shot: Shot, pixels: NDArray[np.uint8], model: Model) -> PhotoContext | None:
     """The surroundings by the pixels (h, w, 3) sRGB of the frame that a shot's maps show."""
     if shot.view is None:
         return None
     index = shot.view.index
     light = lighting_in_frame(shot, index, scale_exposure(shot_lighting(shot), shot.gains[index]))
+    photo = photo_from_array(pixels)
     with trace_step("network"):
-        segments = packaged_segmenter()(pixels)
+        segments = photo_segments(model.predict_one(photo), photo)
     return PhotoContext(pixels, shot.view.coarse_panorama, light.exposure, light, segments, detail=True)
 
 
@@ -496,7 +498,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
         OSError: a file cannot be read or written.
     """
     result, lights, kept = VideoResult(), list[FrameLight](), _Kept()
-    with Clip(job.source) as clip, _ViewReader(job.source) as views:
+    with Clip(job.source) as clip, _ViewReader(job.source, model) as views:
         ClipMetadata.of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:

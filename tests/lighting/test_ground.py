@@ -9,7 +9,7 @@ import pytest
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.relighting import edit_lighting, rotate_lighting
 from lighting.envmap.shadow_mask import is_in_shade
-from lighting.errors import ModelError, PhotoError
+from lighting.estimator import Estimator
 from lighting.geometry import Pinhole, angle_between, camera_directions, camera_pixel
 from lighting.ground import (
     OBJECT_RADIUS,
@@ -25,7 +25,8 @@ from lighting.ground import (
 )
 from lighting.photo.reader import photo_from_array, read_photo
 from lighting.records import EstimatedLight, Lighting
-from lighting.segmentation import Segmenter, Segments, SurfaceClass, class_share, packaged_segmenter, pixel_share
+from lighting.segmentation import Segments, SurfaceClass, class_share, pixel_share, resample_segments
+from tests.helpers.predictions import prediction
 from tests.helpers.scenes import distribution
 
 
@@ -136,16 +137,20 @@ def test_a_foot_beside_the_photo_counts_as_at_its_edge() -> None:
 
 
 def test_an_estimate_says_what_its_photo_shows() -> None:
-    pixels = np.full((120, 160, 3), 128, dtype=np.uint8)
-    segments, estimate = packaged_segmenter()(pixels), EstimatedLight(LIGHT, distribution())
-    answer = describe_ground(photo_from_array(pixels), estimate, segments)
+    photo, estimate = (
+        photo_from_array(np.full((120, 160, 3), 128, dtype=np.uint8)),
+        EstimatedLight(LIGHT, distribution()),
+    )
+    predicted = replace(prediction(), segments=np.full((28, 28, 10), 0.1, dtype=np.float32))
+    answer = describe_ground(photo, estimate, predicted)
     assert answer.segments is not None
     assert answer.segments.shape == (18, 24, 10)
     assert answer.lighting.ground_visible is not None
     record = answer.lighting.to_dict()["ground"]
     assert {"spot", "visible"} <= set(record)
-    flying = describe_ground(photo_from_array(pixels), estimate, segments, is_aerial=True)
+    flying = describe_ground(photo, estimate, predicted, is_aerial=True)
     assert flying.lighting.to_dict()["ground"]["spot"] is None
+    assert describe_ground(photo, estimate, replace(predicted, segments=None)) is estimate
 
 
 def test_the_warning_says_why_there_is_no_spot() -> None:
@@ -188,17 +193,29 @@ def test_a_spot_stays_on_its_pixel_when_the_camera_is_edited() -> None:
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize(("size", "shape"), [((120, 160), (18, 24)), ((160, 120), (24, 18)), ((32, 256), (18, 24))])
-def test_each_cell_has_probabilities(size: tuple[int, int], shape: tuple[int, int]) -> None:
-    pixels = np.random.default_rng(1).integers(0, 256, (*size, 3), dtype=np.uint8)
-    segments = packaged_segmenter()(pixels)
-    assert segments.shape == (*shape, len(SurfaceClass))
-    assert segments.sum(axis=2) == pytest.approx(1.0, abs=1e-4)
-    assert segments.min() >= 0.0
+@pytest.mark.parametrize(("size", "shape"), [((160, 120), (18, 24)), ((120, 160), (24, 18)), ((256, 128), (18, 24))])
+def test_cells_of_the_photo_are_those_of_the_canvas_without_its_margins(
+    size: tuple[int, int], shape: tuple[int, int]
+) -> None:
+    """The canvas shows water beside the photo, and in it plants on the left, sky on the right."""
+    width, height = (28 * side // max(size) for side in size)
+    top, left = (28 - height) // 2, (28 - width) // 2
+    numbers = np.full((28, 28), SurfaceClass.WATER)
+    numbers[top : top + height, left:14] = SurfaceClass.PLANTS
+    numbers[top : top + height, 14 : left + width] = SurfaceClass.SKY
+    segments = resample_segments(np.eye(10, dtype=np.float32)[numbers], *size)
+    assert segments.shape == (*shape, 10)
+    assert segments.sum(axis=2) == pytest.approx(1.0, abs=1e-5)
+    assert class_share(segments, SurfaceClass.WATER).max() < 0.6  # at the edges alone
+    assert class_share(segments, SurfaceClass.WATER)[2:-2, 2:-2].max() < 0.01
+    assert class_share(segments[2:-2, 2 : shape[1] // 2 - 1], SurfaceClass.PLANTS).min() > 0.9
+    assert class_share(segments[2:-2, shape[1] // 2 + 1 : -2], SurfaceClass.SKY).min() > 0.9
 
 
 def test_an_example_shows_sky_over_ground() -> None:
-    segments = packaged_segmenter()(read_photo(ROOT / "examples" / "wide_street.jpg").pixels)
+    photo = read_photo(ROOT / "examples" / "wide_street.jpg")
+    segments = Estimator()(photo).segments
+    assert segments is not None
     rows = len(segments)
     assert class_share(segments[: rows // 5], SurfaceClass.SKY).mean() > 0.5
     assert class_share(segments[-rows // 5 :], SurfaceClass.GROUND).mean() > 0.7
@@ -214,12 +231,3 @@ def test_shares_add_up_and_are_enlarged_smoothly() -> None:
     enlarged = pixel_share(segments, 8, 3, SurfaceClass.WATER)
     assert enlarged.shape == (3, 8)
     assert (np.diff(enlarged[0]) >= 0).all()
-
-
-def test_what_is_no_network_or_no_photo_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ModelError):
-        Segmenter(tmp_path / "missing.onnx")
-    with pytest.raises(ModelError, match="is no network that says what photos show"):
-        Segmenter(next((ROOT / "lighting" / "data").glob("normals-*.onnx")))
-    with pytest.raises(PhotoError):
-        packaged_segmenter()(np.zeros((4, 4), dtype=np.uint8))

@@ -122,8 +122,9 @@ INTERRUPTED = """
 import os, signal, sys, threading
 from lighting.cli import photos
 from lighting.fusion.user_input import UserInput
+from lighting.model import Model
 signal.signal(signal.SIGINT, signal.default_int_handler)
-photos._segment = lambda _: threading.Event().wait()
+Model.predict = lambda *_: threading.Event().wait()
 class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)

@@ -1,25 +1,31 @@
-"""The segmentation network: its labels, variants, training and file."""
+"""The head that says what photos show: its labels, variants and training."""
 
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 import torch
+from onnx import TensorProto, helper, numpy_helper
 from PIL import Image
 
 import export.training.segmentation as segmentation
 from export.data.panoramas import DataError, read_table
+from export.networks.segmentation import SegmentationHead, read_segmentation
 from export.reports.ground import _describe_answers, _GroundAnswer
 from export.training.segmentation import (
     LabelledPicture,
-    _join_heads,
+    _cut_part,
+    _FrozenNetwork,
     _predict_grid,
-    _raise_odds,
-    _SegmentationNetwork,
+    _teach,
     _vary_picture,
     read_labelled_pictures,
 )
-from lighting.segmentation import Segmenter, SurfaceClass
+from export.training.segmentation_teacher import SegmentationTeacher, read_unlabelled_pictures
+from lighting.model import pad_to_input
+from lighting.segmentation import SurfaceClass
+from tests.helpers.panoramas import ROW, write_index
 
 HEADER = "file,split,columns,rows,grid,weak,panorama,note\n"
 GRID = "/".join(["S" * 12] * 4 + ["G" * 6 + "W" * 6] * 5)
@@ -75,34 +81,94 @@ def test_a_grid_of_another_kind_is_refused(grid: str, tmp_path: Path) -> None:
         read_labelled_pictures(tmp_path, "train")
 
 
+def canvas_cells(pixels: np.ndarray) -> np.ndarray:
+    """The mean colors (28, 28, 3) of the canvas's cells."""
+    canvas = pad_to_input(pixels, segmentation._SPEC).transpose(1, 2, 0)
+    return np.asarray(canvas.reshape(28, 8, 28, 8, 3).mean(axis=(1, 3)))
+
+
 def test_a_variant_keeps_its_labels(tmp_path: Path) -> None:
     """Cells of ground are brown, of water blue, whatever part is shown and whether it is mirrored."""
     picture, rng = labelled(tmp_path)[0], np.random.default_rng(1)
     for _ in range(12):
-        pixels, target = _vary_picture(picture, rng)
-        rows, columns = target.shape[:2]
-        assert pixels.shape == (16 * rows, 16 * columns, 3)
-        assert target.sum(axis=2) == pytest.approx(1.0)
-        cells = pixels.reshape(rows, 16, columns, 16, 3).astype(float).mean(axis=(1, 3))
+        part = _vary_picture(picture, rng)
+        assert max(part.pixels.shape) == 224
+        assert part.target.sum() * 64 == pytest.approx(part.pixels.size / 3, rel=0.03)
+        cells = canvas_cells(part.pixels)
         warm = cells[..., 0] - cells[..., 2]
-        sure = target > 0.99
+        sure = part.target > 0.99
         ground, water = sure[..., SurfaceClass.GROUND], sure[..., SurfaceClass.WATER]
         if ground.any() and water.any():
-            assert warm[ground].mean() > warm[water].mean() - 1
+            assert warm[ground].mean() > warm[water].mean() - 0.01
+
+
+def test_cells_beside_the_picture_have_no_label(tmp_path: Path) -> None:
+    part = _cut_part(labelled(tmp_path)[0], np.zeros(2), np.ones(2))
+    inside = part.target.sum(axis=2)
+    assert part.pixels.shape == (168, 224, 3)
+    assert inside[:, 5].tolist() == [0.0] * 3 + [0.5] + [1.0] * 20 + [0.5] + [0.0] * 3
+    assert part.target[24, 3].argmax() == SurfaceClass.GROUND
+    assert part.target[24, 25].argmax() == SurfaceClass.WATER
+
+
+def write_teacher(path: Path) -> Path:
+    """A network that calls bright cells sky, and dark ones ground."""
+    weights = np.zeros((10, 3, 1, 1), np.float32)
+    weights[SurfaceClass.GROUND], weights[SurfaceClass.SKY] = -0.1, 0.1
+    bias = np.zeros(10, np.float32)
+    bias[SurfaceClass.GROUND], bias[SurfaceClass.SKY] = 50, -50
+    nodes = [
+        helper.make_node("Cast", ["photo"], ["x"], to=TensorProto.FLOAT),
+        helper.make_node("Transpose", ["x"], ["y"], perm=[0, 3, 1, 2]),
+        helper.make_node("AveragePool", ["y"], ["cells"], kernel_shape=[16, 16], strides=[16, 16]),
+        helper.make_node("Conv", ["cells", "weights", "bias"], ["logits"]),
+        helper.make_node("Softmax", ["logits"], ["shares"], axis=1),
+        helper.make_node("Transpose", ["shares"], ["segments"], perm=[0, 2, 3, 1]),
+    ]
+    tensors = [numpy_helper.from_array(weights, "weights"), numpy_helper.from_array(bias, "bias")]
+    photo = helper.make_tensor_value_info("photo", TensorProto.UINT8, [1, "h", "w", 3])
+    segments = helper.make_tensor_value_info("segments", TensorProto.FLOAT, [1, "r", "c", 10])
+    graph = helper.make_graph(nodes, "teacher", [photo], [segments], tensors)
+    onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9), path)
+    return path
+
+
+def write_unlabelled(folder: Path) -> None:
+    write_index(folder, ROW | {"file": "panorama.png"})
+    (folder / "a.png").rename(folder / "panorama.png")
+    (folder / "photos_train.csv").write_text("file,group\nc.png,anna_1\n")
+
+
+def test_a_teacher_answers_for_photos_and_views_of_panoramas(tmp_path: Path) -> None:
+    write_unlabelled(tmp_path)
+    labelled(tmp_path)
+    views = list(read_unlabelled_pictures(tmp_path, 1))
+    assert len(views) == 4
+    assert views[0].shape == (300, 400, 3)
+    assert {view.shape[2] for view in views} == {3}
+    teacher, rng = SegmentationTeacher(write_teacher(tmp_path / "teacher.onnx")), np.random.default_rng(1)
+    assert teacher(views[0]).shape == (18, 24, 10)
+    part = _teach(teacher, views[0], rng)
+    assert part.pixels.shape == (168, 224, 3)
+    assert part.target[5, 14].argmax() == SurfaceClass.SKY
+    assert part.target[20].sum(axis=1) == pytest.approx(1.0, abs=1e-4)
+    assert part.target[1].max() == 0.0
 
 
 @pytest.mark.slow
-def test_training_learns_and_the_file_answers_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(segmentation, "_VARIANTS", 8)
-    monkeypatch.setattr(segmentation, "_BATCH", 4)
-    monkeypatch.setattr(segmentation, "_EPOCHS", 8)
+def test_training_learns_and_the_run_answers_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (("_VARIANTS", 4), ("_STEPS", 20), ("_TAUGHT", 2)):
+        monkeypatch.setattr(segmentation, name, value)
+    write_unlabelled(tmp_path)
     (picture, _) = labelled(tmp_path)
-    said = segmentation.train_segmentation(tmp_path, tmp_path / "segments-1.0.0.onnx")
-    assert said.startswith(str(tmp_path / "segments-1.0.0.onnx: 1."))
-    shares = Segmenter(tmp_path / "segments-1.0.0.onnx")(picture.pixels)
-    cells = shares.reshape(9, 2, 12, 2, -1).mean(axis=(1, 3))
-    ground, water, sky = (cells[row, column] for row, column in ((7, 2), (7, 9), (1, 5)))  # within each
-    assert cells.sum(axis=2) == pytest.approx(1.0, abs=1e-4)
+    teacher = write_teacher(tmp_path / "teacher.onnx")
+    said = segmentation.train_segmentation(tmp_path, teacher, tmp_path / "run")
+    assert said.startswith(f"{tmp_path / 'run'}: a branch")
+    with pytest.raises(DataError, match="already holds a run"):
+        segmentation.train_segmentation(tmp_path, teacher, tmp_path / "run")
+    shares = _predict_grid(_FrozenNetwork(), read_segmentation(tmp_path / "run").head, picture.pixels, (9, 12))
+    ground, water, sky = (shares[row, column] for row, column in ((7, 2), (7, 9), (1, 5)))  # within each
+    assert shares.sum(axis=2) == pytest.approx(1.0, abs=1e-4)
     assert ground[SurfaceClass.GROUND] > 2 * sky[SurfaceClass.GROUND]  # after a few steps
     assert water[SurfaceClass.WATER] > 2 * sky[SurfaceClass.WATER]
     assert sky.argmax() == SurfaceClass.SKY
@@ -110,26 +176,9 @@ def test_training_learns_and_the_file_answers_the_same(tmp_path: Path, monkeypat
 
 def test_predictions_are_probabilities_of_a_grid() -> None:
     torch.manual_seed(0)
-    network = _SegmentationNetwork(pretrained=False).eval()
-    shares = _predict_grid(network, np.zeros((90, 60, 3), dtype=np.uint8), (12, 9))
+    shares = _predict_grid(_FrozenNetwork(), SegmentationHead().eval(), np.zeros((90, 60, 3), dtype=np.uint8), (12, 9))
     assert shares.shape == (12, 9, 10)
     assert shares.sum(axis=2) == pytest.approx(1.0)
-
-
-def test_joined_heads_answer_with_the_mean_of_their_logits() -> None:
-    torch.manual_seed(0)
-    one, other = (_SegmentationNetwork(pretrained=False).eval() for _ in range(2))
-    for stage in ("stem", "middle", "deep"):
-        getattr(other, stage).load_state_dict(getattr(one, stage).state_dict())
-    picture = torch.randint(0, 256, (1, 64, 96, 3), dtype=torch.uint8)
-    joined = _join_heads([one, other], [0.3, 0.7])
-    with torch.inference_mode():
-        mean = 0.3 * one(picture) + 0.7 * other(picture)
-        assert torch.allclose(joined(picture), mean, atol=1e-4)
-        _raise_odds(joined, SurfaceClass.WATER, 2.0)
-        assert torch.allclose(
-            (joined(picture) - mean)[0, :, 0, 0], 0.6931 * torch.eye(10)[SurfaceClass.WATER], atol=1e-3
-        )
 
 
 def test_the_report_counts_spots_refusals_and_cells() -> None:
