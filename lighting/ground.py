@@ -15,7 +15,7 @@ from lighting.fields import round_significant
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
 from lighting.records import EstimatedLight, Lighting, Prediction
-from lighting.segmentation import Segments, SurfaceClass, class_share, pixel_share, resample_segments
+from lighting.segmentation import Segments, SurfaceClass, class_share, photo_segments, pixel_share
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
 ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii
@@ -121,18 +121,6 @@ class _GroundSpot:
     """Unit vector from the camera."""
 
 
-def photo_segments(prediction: Prediction, photo: Photo) -> Segments | None:
-    """Return what the cells of a photo show; None where the network does not predict it.
-
-    Args:
-        prediction: of the photo.
-        photo: as `read_photo` returns it.
-    """
-    if prediction.segments is None:
-        return None
-    return resample_segments(prediction.segments, photo.width, photo.height)
-
-
 def describe_ground(
     photo: Photo, estimate: EstimatedLight, prediction: Prediction, is_aerial: bool = False
 ) -> EstimatedLight:
@@ -146,7 +134,7 @@ def describe_ground(
         prediction: of the photo.
         is_aerial: whether the camera flies at an unknown height; there is no spot then.
     """
-    if (segments := photo_segments(prediction, photo)) is None:
+    if (segments := photo_segments(prediction.segments, photo.width, photo.height)) is None:
         return estimate
     light, visible = estimate.lighting, _visible_ground(segments)
     camera = photo_camera(light, photo.width, photo.height)

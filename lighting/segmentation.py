@@ -1,6 +1,6 @@
 """What each part of a photo shows: ground, water, plants, buildings, vehicles, people, sky; by the network.
 
-The network says it of cells of its canvas, CELL_PIXELS wide. `resample_segments` gives those of the photo: 24 x 18 for
+The network says it of cells of its canvas, CELL_PIXELS wide. `photo_segments` gives those of the photo: 24 x 18 for
 a landscape photo, 18 x 24 for an upright one.
 """
 
@@ -43,14 +43,16 @@ THINGS = (  # that stand on the ground, in front of what is behind them
 )
 
 
-def resample_segments(canvas: NDArray[np.float32], width: int, height: int) -> Segments:
+def photo_segments(canvas: NDArray[np.float32] | None, width: int, height: int) -> Segments | None:
     """Return what the cells of a photo show by what those of the network's canvas show.
 
     Args:
-        canvas: (R, C, classes) probabilities, as `Prediction.segments` has them.
+        canvas: (R, C, classes) probabilities, as `Prediction.segments` has them. None: not predicted, as the answer.
         width: of the photo, pixels.
         height: of the photo, pixels.
     """
+    if canvas is None:
+        return None
     rows, columns, _ = canvas.shape
     inside = np.array(fit_in_box(width, height, columns * CELL_PIXELS, rows * CELL_PIXELS)) / CELL_PIXELS
     left, top = (np.array([columns, rows]) - inside) / 2

@@ -37,9 +37,9 @@ from lighting.geometry import (
     latlong_pixel,
     sample_latlong,
 )
-from lighting.ground import photo_segments
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
+from lighting.segmentation import photo_segments
 
 _LICENCE = "poly haven"  # in the field of a row whose panorama may ship
 _LEFT_OUT = (
@@ -208,7 +208,7 @@ def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     for azimuth in range(0, 360, _VIEW_STEP):
         directions = camera_directions(Pinhole(*_VIEW_SIZE, _VIEW_FOV, azimuth=azimuth))
         photo = photo_from_array(tone_map(sample_latlong(linear, directions)))
-        segments = photo_segments(model.predict_one(photo), photo)
+        segments = photo_segments(model.predict_one(photo).segments, photo.width, photo.height)
         assert segments is not None
         x, y = np.moveaxis(latlong_pixel(directions, FEATURE_ROWS), -1, 0)
         cell = np.minimum(y, FEATURE_ROWS - 1).astype(np.intp) * shape[1] + x.astype(np.intp) % shape[1]

@@ -101,6 +101,13 @@ class Backbone(nn.Module):
         for layer in self._frozen():
             layer.requires_grad_(False)
 
+    @classmethod
+    def pretrained(cls) -> "Backbone":
+        """Return the backbone with its ImageNet weights, ready to answer."""
+        backbone = cls()
+        load_imagenet(backbone)
+        return backbone.eval()
+
     def _frozen(self) -> list[nn.Module]:
         return [self.stem, *list(self.blocks)[: self.FROZEN]]
 

@@ -28,7 +28,7 @@ from export.crops.targets import CELL, COLUMNS, MIN_RADIANCE, ROWS
 from export.data.panoramas import DataError
 from export.networks.backbone import Backbone, NetworkOutput
 from export.networks.outdoor import ROLL_SCALE, decode_parameters, mean_of_camera_bins, roll_bins_std
-from export.networks.segmentation import SegmentationBranch, check_frozen_features, read_segmentation
+from export.networks.segmentation import SegmentationBranch
 from export.networks.weights import (
     describe_data,
     have_different_specs,
@@ -440,9 +440,9 @@ def write_onnx(
     spec, metadata = _describe(folders, version)
     metadata["cameras"] = json.dumps([training_history(read_record(f)) for f in cameras])
     networks, of_cameras = ([read_network(f) for f in some] for some in (folders, cameras))
-    branch = None if segments is None else read_segmentation(segments)
+    branch = None if segments is None else SegmentationBranch.read(segments)
     if branch is not None and segments is not None:
-        check_frozen_features(networks[0], (spec.height, spec.width))
+        branch.check_beginning(networks[0], spec.height, spec.width)
         metadata["segments"] = str(read_record(segments)["training_data"])
     ensemble = _Ensemble(networks, spec.sun_grid, temperature, of_cameras, elevation_scale, branch).eval()
     metadata["networks"] = str(len(folders) + len(cameras))

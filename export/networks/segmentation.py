@@ -7,14 +7,13 @@ picture's resolution see a cell and what is near; those at half of that, and the
 The maps of the branches that learned sun and camera tell less of what things are.
 """
 
-import math
 from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 
 from export.data.panoramas import DataError
-from export.networks.backbone import Backbone, conv_batch_norm, load_imagenet
+from export.networks.backbone import Backbone, conv_batch_norm
 from export.networks.weights import averaged_weights
 from lighting.segmentation import SurfaceClass
 
@@ -65,12 +64,45 @@ class SegmentationBranch(nn.Module):
             pretrained: whether the blocks have their ImageNet weights.
         """
         super().__init__()
-        backbone = Backbone(drop_path=0.0)
-        if pretrained:
-            load_imagenet(backbone)
+        backbone = Backbone.pretrained() if pretrained else Backbone()
         self.stages = nn.ModuleList(nn.Sequential(*(backbone.blocks[i] for i in stage)) for stage in _STAGES)
         self.stages.requires_grad_(False)
         self.head = head
+
+    @classmethod
+    def read(cls, folder: Path) -> "SegmentationBranch":
+        """Read the branch of a folder that `python -m export segments` wrote, ready to answer.
+
+        Args:
+            folder: of the run.
+
+        Raises:
+            DataError: the folder holds no such run.
+        """
+        weights = averaged_weights(folder)
+        if "head.whole.bias" not in weights:
+            raise DataError(f"{folder} is not a run of `segments`.")
+        branch = cls(SegmentationHead(len(weights["head.whole.bias"])), pretrained=False)
+        branch.load_state_dict(weights)
+        return branch.eval()
+
+    @staticmethod
+    def check_beginning(network: nn.Module, height: int, width: int) -> None:
+        """Raise DataError where a network's first maps are not those that a branch goes on from.
+
+        Args:
+            network: whose maps it would go on from.
+            height: of the network's canvas, pixels.
+            width: of the network's canvas, pixels.
+        """
+        backbone = getattr(network, "backbone", None)
+        photo = torch.linspace(-1, 1, 3 * height * width).sin().reshape(1, 3, height, width)
+        if isinstance(backbone, Backbone):
+            with torch.inference_mode():
+                maps, expected = (some.frozen_features(photo) for some in (backbone.eval(), Backbone.pretrained()))
+            if (maps - expected).abs().max() <= _TOLERANCE * expected.abs().max():
+                return
+        raise DataError("The first network does not begin with ImageNet's weights, so `segments` has no head for it.")
 
     def features(self, maps: Tensor) -> Features:
         """Maps (B, 40, H/8, W/8), (B, 112, H/16, W/16) and (B, 192, H/32, W/32), which training leaves as they are.
@@ -85,60 +117,3 @@ class SegmentationBranch(nn.Module):
     def forward(self, maps: Tensor) -> Tensor:
         logits: Tensor = self.head(*self.features(maps))
         return logits
-
-
-def raise_odds(head: SegmentationHead, kind: SurfaceClass, factor: float) -> None:
-    """Make a class likelier everywhere.
-
-    Args:
-        head: changed in place.
-        kind: the class.
-        factor: by which its odds against each other class grow.
-    """
-    bias = head.classes.bias
-    assert bias is not None
-    with torch.no_grad():
-        bias[kind] += math.log(factor)
-
-
-def read_segmentation(folder: Path) -> SegmentationBranch:
-    """Return the branch of a folder that `python -m export segments` wrote, ready to answer.
-
-    Args:
-        folder: of the run.
-
-    Raises:
-        DataError: the folder holds no such run.
-    """
-    weights = averaged_weights(folder)
-    if "head.whole.bias" not in weights:
-        raise DataError(f"{folder} is not a run of `segments`.")
-    branch = SegmentationBranch(SegmentationHead(len(weights["head.whole.bias"])), pretrained=False)
-    branch.load_state_dict(weights)
-    return branch.eval()
-
-
-def imagenet_backbone() -> Backbone:
-    """Return the backbone with its ImageNet weights, ready to answer."""
-    backbone = Backbone(drop_path=0.0)
-    load_imagenet(backbone)
-    return backbone.eval()
-
-
-def check_frozen_features(network: nn.Module, spec_size: tuple[int, int]) -> None:
-    """Raise DataError where a network's first maps are not those that a branch goes on from.
-
-    Args:
-        network: whose maps it would go on from.
-        spec_size: height and width of the network's canvas, pixels.
-    """
-    backbone = getattr(network, "backbone", None)
-    photo = torch.linspace(-1, 1, 3 * math.prod(spec_size)).sin().reshape(1, 3, *spec_size)
-    if isinstance(backbone, Backbone):
-        with torch.inference_mode():
-            maps, expected = backbone.eval().frozen_features(photo), imagenet_backbone().frozen_features(photo)
-        if (maps - expected).abs().max() <= _TOLERANCE * expected.abs().max():
-            return
-    raise DataError(
-        "The first network does not begin with ImageNet's weights, so it cannot have the head of `segments`."
-    )

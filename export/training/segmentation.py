@@ -5,6 +5,7 @@ once for each variant. Most of a batch are pictures without labels; what they sh
 they are. `cross_validate` tells what a head is worth on groups that it has not seen.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import islice
@@ -18,20 +19,15 @@ from torch import Tensor, nn
 
 from export.crops.augmentation import recompress
 from export.data.panoramas import DataError, read_table
+from export.networks.backbone import Backbone
 from export.networks.outdoor import network_specs
-from export.networks.segmentation import (
-    Features,
-    SegmentationBranch,
-    SegmentationHead,
-    imagenet_backbone,
-    raise_odds,
-)
+from export.networks.segmentation import Features, SegmentationBranch, SegmentationHead
 from export.networks.weights import check_new, write_run
-from export.training.segmentation_teacher import SegmentationTeacher, read_unlabelled_pictures
+from export.training.segmentation_teacher import teach_views
 from lighting.geometry import Floats, fit_in_box
 from lighting.model import pad_to_input
 from lighting.photo.reader import read_photo
-from lighting.segmentation import CELL_PIXELS, SurfaceClass, resample_segments
+from lighting.segmentation import CELL_PIXELS, Segments, SurfaceClass, photo_segments
 
 TABLE = "ground.csv"
 _MORE = Path(__file__).parents[1] / "data" / "ground_more.csv"  # grids of photos of `train`
@@ -205,7 +201,7 @@ class _FrozenNetwork:
     """The part of the network that does not learn."""
 
     def __init__(self) -> None:
-        self.backbone, self.branch = imagenet_backbone(), SegmentationBranch(SegmentationHead()).eval()
+        self.backbone, self.branch = Backbone.pretrained(), SegmentationBranch(SegmentationHead()).eval()
 
     def __call__(self, pictures: Sequence[NDArray[np.uint8]]) -> Features:
         """The branch's features of pictures (h, w, 3) that fill the canvas."""
@@ -224,17 +220,17 @@ def _make_variants(frozen: _FrozenNetwork, pictures: Sequence[LabelledPicture], 
     return _compute_variants(frozen, parts, _BLUR)
 
 
-def _make_taught(frozen: _FrozenNetwork, teacher: SegmentationTeacher, data: Path) -> list[_Variant]:
+def _make_taught(frozen: _FrozenNetwork, teacher: Path, data: Path) -> list[_Variant]:
     """One variant of each view without labels, and what the teacher says of it as it is."""
     rng = np.random.default_rng(3)
-    return _compute_variants(frozen, (_teach(teacher, view, rng) for view in read_unlabelled_pictures(data, 4)), 0.0)
+    return _compute_variants(frozen, (_taught_part(*one, rng) for one in teach_views(teacher, data, seed=4)), 0.0)
 
 
-def _teach(teacher: SegmentationTeacher, view: NDArray[np.uint8], rng: np.random.Generator) -> _Part:
+def _taught_part(view: NDArray[np.uint8], segments: Segments, rng: np.random.Generator) -> _Part:
     """A view in other light, and what the teacher says of it."""
     size = fit_in_box(view.shape[1], view.shape[0], _SPEC.width, _SPEC.height)
     small = np.asarray(Image.fromarray(view).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
-    planes = (Image.fromarray(np.ascontiguousarray(plane)) for plane in np.moveaxis(teacher(view), 2, 0))
+    planes = (Image.fromarray(np.ascontiguousarray(plane)) for plane in np.moveaxis(segments, 2, 0))
     pixels = np.stack([np.asarray(plane.resize(size, Image.Resampling.BILINEAR)) for plane in planes], axis=-1)
     part = _Part(_vary_light(small, rng), _average_cells(pixels))
     return _mirror(part) if rng.random() < 0.5 else part
@@ -291,8 +287,22 @@ def _train_head(variants: Sequence[_Variant], taught: Sequence[_Variant]) -> Seg
         torch.autograd.backward(loss)
         optimizer.step()
         schedule.step()
-    raise_odds(head, SurfaceClass.GROUND, _GROUND_ODDS)
+    _raise_odds(head, SurfaceClass.GROUND, _GROUND_ODDS)
     return head.eval()
+
+
+def _raise_odds(head: SegmentationHead, kind: SurfaceClass, factor: float) -> None:
+    """Make a class likelier everywhere.
+
+    Args:
+        head: changed in place.
+        kind: the class.
+        factor: by which its odds against each other class grow.
+    """
+    bias = head.classes.bias
+    assert bias is not None
+    with torch.no_grad():
+        bias[kind] += math.log(factor)
 
 
 def _loss(logits: Tensor, target: Tensor, weight: Tensor) -> Tensor:
@@ -320,7 +330,7 @@ def _predict_grid(
     small = np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
     with torch.inference_mode():
         canvas = head(*frozen([small])).softmax(dim=1)[0].permute(1, 2, 0).numpy()
-        segments = torch.from_numpy(resample_segments(canvas, width, height)).permute(2, 0, 1)
+        segments = torch.from_numpy(photo_segments(canvas, width, height)).permute(2, 0, 1)
         cells: NDArray[np.float32] = nn.functional.adaptive_avg_pool2d(segments, shape).permute(1, 2, 0).numpy()
     return cells
 
@@ -339,7 +349,7 @@ def train_segmentation(data: Path, teacher: Path, out: Path) -> str:
     """
     check_new(out)
     frozen, pictures = _FrozenNetwork(), [*read_labelled_pictures(data, "train"), *_read_more_pictures(data)]
-    taught = _make_taught(frozen, SegmentationTeacher(teacher), data)
+    taught = _make_taught(frozen, teacher, data)
     branch = SegmentationBranch(_train_head(_make_variants(frozen, pictures, seed=1), taught))
     grids = f"{len(pictures)} pictures with grids of what they show"
     source = f"{grids} and {len(taught)} that another network answered for, most with no stated licence"

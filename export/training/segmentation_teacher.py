@@ -28,7 +28,7 @@ _FOV = (35.0, 75.0)  # deg, vertical, of a view of a panorama
 _TILT, _TILT_STD, _ROLL_STD = -4.0, 10.0, 3.0  # deg
 
 
-class SegmentationTeacher:
+class _Teacher:
     """The network in a file of segments-1.1.0."""
 
     def __init__(self, file: Path) -> None:
@@ -54,16 +54,25 @@ class SegmentationTeacher:
         return segments
 
 
-def read_unlabelled_pictures(folder: Path, seed: int) -> Iterator[NDArray[np.uint8]]:
-    """Views (h, w, 3) sRGB of the photos and of the 8-bit panoramas of `train`.
+def teach_views(file: Path, folder: Path, seed: int) -> Iterator[tuple[NDArray[np.uint8], Segments]]:
+    """Views (h, w, 3) sRGB of pictures without labels, and what the teacher says that they show.
 
     Args:
+        file: the teacher's ONNX file.
         folder: of the data.
         seed: of what the views show.
 
     Raises:
         DataError: a table is missing, or a picture cannot be read.
+        ModelError: the teacher is missing or damaged.
     """
+    teacher = _Teacher(file)
+    for view in _read_views(folder, seed):
+        yield view, teacher(view)
+
+
+def _read_views(folder: Path, seed: int) -> Iterator[NDArray[np.uint8]]:
+    """Views (h, w, 3) sRGB of the photos and of the 8-bit panoramas of `train`."""
     rng = np.random.default_rng(seed)
     for row in read_table(folder / PHOTOS, ("file",)):
         photo = Image.fromarray(read_photo(folder / row["file"]).pixels)

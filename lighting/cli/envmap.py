@@ -301,15 +301,13 @@ def _context_of_record(
 
 
 def _import_renderer() -> None:
-    """Import what renders maps and writes EXR files, and read the library of detail."""
+    """Import what renders maps and writes EXR files. The library of detail is read later, for its memory."""
     import fractions  # noqa: F401 - OpenEXR imports it to write a header
 
+    import lighting.envmap.detail_library
     import lighting.envmap.surroundings
     import lighting.files.exr
-    import lighting.light_probe  # noqa: F401 - all three
-    from lighting.envmap.detail_library import load_detail_library
-
-    load_detail_library()
+    import lighting.light_probe  # noqa: F401 - all four
 
 
 def _map_context(photo: EstimatedPhoto, height: int, surroundings: bool | None, detail: bool) -> "PhotoContext | None":

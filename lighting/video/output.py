@@ -40,7 +40,6 @@ from lighting.files import atomic_write, encode_png, escape_undecodable, write_e
 from lighting.files.exr import read_exr_attributes
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
-from lighting.ground import photo_segments
 from lighting.light_probe import LightProbe, compute_light_probe
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
@@ -60,6 +59,7 @@ from lighting.records import Lighting
 from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
+from lighting.segmentation import photo_segments
 from lighting.tracing import trace_step
 from lighting.video.decode import Clip, local_address
 from lighting.video.observation import NETWORK_INTERVAL
@@ -290,7 +290,7 @@ def _view_context(shot: Shot, pixels: NDArray[np.uint8], model: Model) -> PhotoC
     light = lighting_in_frame(shot, index, scale_exposure(shot_lighting(shot), shot.gains[index]))
     photo = photo_from_array(pixels)
     with trace_step("network"):
-        segments = photo_segments(model.predict_one(photo), photo)
+        segments = photo_segments(model.predict_one(photo).segments, photo.width, photo.height)
     return PhotoContext(pixels, shot.view.coarse_panorama, light.exposure, light, segments, detail=True)
 
 

@@ -25,7 +25,7 @@ from lighting.ground import (
 )
 from lighting.photo.reader import photo_from_array, read_photo
 from lighting.records import EstimatedLight, Lighting
-from lighting.segmentation import Segments, SurfaceClass, class_share, pixel_share, resample_segments
+from lighting.segmentation import Segments, SurfaceClass, class_share, photo_segments, pixel_share
 from tests.helpers.predictions import prediction
 from tests.helpers.scenes import distribution
 
@@ -203,7 +203,8 @@ def test_cells_of_the_photo_are_those_of_the_canvas_without_its_margins(
     numbers = np.full((28, 28), SurfaceClass.WATER)
     numbers[top : top + height, left:14] = SurfaceClass.PLANTS
     numbers[top : top + height, 14 : left + width] = SurfaceClass.SKY
-    segments = resample_segments(np.eye(10, dtype=np.float32)[numbers], *size)
+    segments = photo_segments(np.eye(10, dtype=np.float32)[numbers], *size)
+    assert segments is not None
     assert segments.shape == (*shape, 10)
     assert segments.sum(axis=2) == pytest.approx(1.0, abs=1e-5)
     assert class_share(segments, SurfaceClass.WATER).max() < 0.6  # at the edges alone

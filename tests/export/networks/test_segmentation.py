@@ -7,29 +7,10 @@ import torch
 
 from export.data.panoramas import DataError
 from export.networks.outdoor import build_network, network_specs
-from export.networks.segmentation import (
-    SegmentationBranch,
-    SegmentationHead,
-    check_frozen_features,
-    raise_odds,
-    read_segmentation,
-)
+from export.networks.segmentation import SegmentationBranch, SegmentationHead
 from export.networks.weights import write_run
-from lighting.segmentation import SurfaceClass
 
 SPECS = network_specs("1.0.0")
-
-
-def test_a_class_is_made_likelier_everywhere() -> None:
-    torch.manual_seed(0)
-    head = SegmentationHead().eval()
-    maps = torch.rand(1, 40, 8, 6), torch.rand(1, 112, 4, 3), torch.rand(1, 192, 2, 2)
-    with torch.inference_mode():
-        before = head(*maps)
-        assert before.shape == (1, 10, 8, 6)
-        raise_odds(head, SurfaceClass.WATER, 2.0)
-        more = (head(*maps) - before)[0, :, 0, 0]
-    torch.testing.assert_close(more, 0.6931 * torch.eye(10)[SurfaceClass.WATER], atol=1e-3, rtol=0)
 
 
 def test_only_a_run_of_segments_is_read(tmp_path: Path) -> None:
@@ -37,17 +18,17 @@ def test_only_a_run_of_segments_is_read(tmp_path: Path) -> None:
     write_run(tmp_path / "segments", {"spec": {}}, branch.state_dict())
     maps = torch.rand(1, 24, 16, 16)
     with torch.inference_mode():
-        assert torch.equal(read_segmentation(tmp_path / "segments")(maps), branch(maps))
+        assert torch.equal(SegmentationBranch.read(tmp_path / "segments")(maps), branch(maps))
     write_run(tmp_path / "other", {"spec": {}}, {"sun.weight": torch.zeros(1)})
     with pytest.raises(DataError, match="is not a run of `segments`"):
-        read_segmentation(tmp_path / "other")
+        SegmentationBranch.read(tmp_path / "other")
 
 
 @pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
 def test_a_network_that_begins_otherwise_gets_no_branch(name: str) -> None:
     with pytest.raises(DataError, match="does not begin with ImageNet's weights"):
-        check_frozen_features(build_network(SPECS[name]), (64, 64))
+        SegmentationBranch.check_beginning(build_network(SPECS[name]), 64, 64)
 
 
 def test_a_network_with_the_pretrained_beginning_may_have_it() -> None:
-    check_frozen_features(build_network(SPECS["outdoor"], pretrained=True), (64, 64))
+    SegmentationBranch.check_beginning(build_network(SPECS["outdoor"], pretrained=True), 64, 64)

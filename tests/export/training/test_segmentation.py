@@ -11,18 +11,19 @@ from PIL import Image
 
 import export.training.segmentation as segmentation
 from export.data.panoramas import DataError, read_table
-from export.networks.segmentation import SegmentationHead, read_segmentation
+from export.networks.segmentation import SegmentationBranch, SegmentationHead
 from export.reports.ground import _describe_answers, _GroundAnswer
 from export.training.segmentation import (
     LabelledPicture,
     _cut_part,
     _FrozenNetwork,
     _predict_grid,
-    _teach,
+    _raise_odds,
+    _taught_part,
     _vary_picture,
     read_labelled_pictures,
 )
-from export.training.segmentation_teacher import SegmentationTeacher, read_unlabelled_pictures
+from export.training.segmentation_teacher import teach_views
 from lighting.model import pad_to_input
 from lighting.segmentation import SurfaceClass
 from tests.helpers.panoramas import ROW, write_index
@@ -142,13 +143,11 @@ def write_unlabelled(folder: Path) -> None:
 def test_a_teacher_answers_for_photos_and_views_of_panoramas(tmp_path: Path) -> None:
     write_unlabelled(tmp_path)
     labelled(tmp_path)
-    views = list(read_unlabelled_pictures(tmp_path, 1))
-    assert len(views) == 4
-    assert views[0].shape == (300, 400, 3)
-    assert {view.shape[2] for view in views} == {3}
-    teacher, rng = SegmentationTeacher(write_teacher(tmp_path / "teacher.onnx")), np.random.default_rng(1)
-    assert teacher(views[0]).shape == (18, 24, 10)
-    part = _teach(teacher, views[0], rng)
+    taught = list(teach_views(write_teacher(tmp_path / "teacher.onnx"), tmp_path, 1))
+    assert len(taught) == 4
+    view, segments = taught[0]
+    assert (view.shape, segments.shape) == ((300, 400, 3), (18, 24, 10))
+    part = _taught_part(view, segments, np.random.default_rng(1))
     assert part.pixels.shape == (168, 224, 3)
     assert part.target[5, 14].argmax() == SurfaceClass.SKY
     assert part.target[20].sum(axis=1) == pytest.approx(1.0, abs=1e-4)
@@ -166,7 +165,7 @@ def test_training_learns_and_the_run_answers_the_same(tmp_path: Path, monkeypatc
     assert said.startswith(f"{tmp_path / 'run'}: a branch")
     with pytest.raises(DataError, match="already holds a run"):
         segmentation.train_segmentation(tmp_path, teacher, tmp_path / "run")
-    shares = _predict_grid(_FrozenNetwork(), read_segmentation(tmp_path / "run").head, picture.pixels, (9, 12))
+    shares = _predict_grid(_FrozenNetwork(), SegmentationBranch.read(tmp_path / "run").head, picture.pixels, (9, 12))
     ground, water, sky = (shares[row, column] for row, column in ((7, 2), (7, 9), (1, 5)))  # within each
     assert shares.sum(axis=2) == pytest.approx(1.0, abs=1e-4)
     assert ground[SurfaceClass.GROUND] > 2 * sky[SurfaceClass.GROUND]  # after a few steps
@@ -179,6 +178,18 @@ def test_predictions_are_probabilities_of_a_grid() -> None:
     shares = _predict_grid(_FrozenNetwork(), SegmentationHead().eval(), np.zeros((90, 60, 3), dtype=np.uint8), (12, 9))
     assert shares.shape == (12, 9, 10)
     assert shares.sum(axis=2) == pytest.approx(1.0)
+
+
+def test_a_class_is_made_likelier_everywhere() -> None:
+    torch.manual_seed(0)
+    head = SegmentationHead().eval()
+    maps = torch.rand(1, 40, 8, 6), torch.rand(1, 112, 4, 3), torch.rand(1, 192, 2, 2)
+    with torch.inference_mode():
+        before = head(*maps)
+        assert before.shape == (1, 10, 8, 6)
+        _raise_odds(head, SurfaceClass.WATER, 2.0)
+        more = (head(*maps) - before)[0, :, 0, 0]
+    torch.testing.assert_close(more, 0.6931 * torch.eye(10)[SurfaceClass.WATER], atol=1e-3, rtol=0)
 
 
 def test_the_report_counts_spots_refusals_and_cells() -> None:
