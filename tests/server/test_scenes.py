@@ -129,7 +129,7 @@ def test_warnings_are_those_of_the_library(client: TestClient, estimator: Estima
     expected = list(make_scene(read_photo(PHONE), lighting, map_height=16).warnings)
     answer = post(client, tool=tool, time=evening, **upwards)
     assert len(expected) >= 2
-    assert "shows no firm, level ground" in expected[-1]
+    assert "below the picture's edge" in expected[-1]
     assert json.loads(answer.headers["lighting-warnings"]) == expected
     (of_sky,) = json.loads(get(client, tool=tool, **upwards).headers["lighting-warnings"])
     assert of_sky.startswith("The object would stand")

@@ -30,7 +30,7 @@ from tests.helpers.pages import ROOT
 mi: Any = mitsuba_renderer
 
 # The height [m] of each photo's camera; the last has its spot in shade.
-HEIGHTS = {"garden_noon": 1.6, "snow_field": 3.0, "wide_street": 1.6}
+HEIGHTS = {"garden_noon": 1.6, "snow_field": 3.0, "lake_clouds": 1.6}
 UP = np.array([0.0, 1.0, 0.0])
 
 
