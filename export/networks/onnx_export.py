@@ -46,6 +46,7 @@ from lighting.sun_grid import grid_directions
 MIN_BYTES = 200_000  # elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
 _MIN_HALF = 8192  # elements of a tensor that is stored in half precision
 _MIN_FLAT = 70_000  # elements of the weights of a convolution that sees its pixels in one row
+_BLOCKED_AXES = 4  # of the weights of a convolution over rows and columns
 _MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
 _OPSET = 18
 _TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
@@ -182,7 +183,9 @@ def strip_origin(model: Any) -> None:
 def store_small(model: Any, min_bytes: int = MIN_BYTES) -> None:
     """Store large tensors of weights as bytes with a scale for each output, others in half precision.
 
-    Small tensors and those of one axis stay as they are.
+    Small tensors and those of one axis stay as they are. Halves are inputs with a default, too, unless a convolution
+    over two axes takes them: onnxruntime widens constants when it opens a file, and keeps them wide. These convolutions
+    need constants, for else their channels are not blocked.
 
     Args:
         model: the ONNX model, changed in place.
@@ -198,6 +201,9 @@ def store_small(model: Any, min_bytes: int = MIN_BYTES) -> None:
         stored, widening = _quantize(tensor.name, weights, int(tensor.name in columns), min_bytes)
         tensors += stored
         nodes += widening
+        if weights.ndim < _BLOCKED_AXES and widening[0].op_type == "Cast":
+            port = helper.make_tensor_value_info(stored[0].name, TensorProto.FLOAT16, weights.shape)
+            model.graph.input.append(port)
     _replace(model.graph.initializer, tensors)
     _replace(model.graph.node, [*nodes, *model.graph.node])
 
