@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -37,7 +37,6 @@ _KEPT_PREFIXES = ("MKL_", "NPY_", "OMP_", "OPENBLAS_", "OPENCV_")  # how arrays 
 _MAX_SECONDS = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
 _KEPT = 1 << 28  # bytes of free memory that the process keeps
-_MADV_HUGEPAGE = 14  # of madvise(2)
 _MARGIN = 1 << 20  # bytes, by which a block is smaller than those that are requested from the system
 _BUFFER = 1 << 25  # bytes; larger blocks are requested from the system each time; glibc allows no larger limit
 _SET_NO_NEW_PRIVILEGES = 38  # of prctl(2)
@@ -318,22 +317,15 @@ def keep_memory(heaps: int = 1) -> None:
 def reserve_heap(blocks: int) -> None:
     """Let the heap of this thread grow at once, after `keep_memory`, and not by single pages while it is used.
 
-    What is reserved takes no memory before it is written, and then in large pages.
+    What is reserved takes no memory before it is written, and then in large pages, for which NumPy asks the system.
 
     Args:
-        blocks: to reserve, of nearly 32 MiB each; the heap of another thread than the first holds two.
+        blocks: to reserve, of nearly 32 MiB each.
     """
-    library: Any = ctypes.CDLL(None) if sys.platform == "linux" else None
-    if not hasattr(library, "mallopt"):  # musl has none
-        return
-    library.malloc.restype = ctypes.c_void_p
-    size, page = _BUFFER - _MARGIN, os.sysconf("SC_PAGE_SIZE")
-    taken = [start for _ in range(blocks) if (start := library.malloc(ctypes.c_size_t(size)))]
-    for start in taken:
-        unaligned = -start % page
-        library.madvise(ctypes.c_void_p(start + unaligned), ctypes.c_size_t(size - unaligned), _MADV_HUGEPAGE)
-    for start in taken:
-        library.free(ctypes.c_void_p(start))
+    import numpy as np
+
+    with suppress(MemoryError):
+        _ = [np.empty(_BUFFER - _MARGIN, np.uint8) for _ in range(blocks)]
 
 
 def return_memory() -> None:

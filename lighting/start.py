@@ -43,7 +43,6 @@ def prepare_process(arguments: Sequence[str]) -> None:
         return
     gc.set_threshold(_GC_THRESHOLD)
     keep_memory(heaps=2)
-    reserve_heap(2)
 
 
 _started: "list[tuple[ThreadPoolExecutor, Future[Any]]]" = []  # a thread for networks, and the session it makes first
@@ -71,7 +70,8 @@ def start_network(arguments: Sequence[str]) -> None:
         file = packaged_network(_DATA, "outdoor")
         thread = ThreadPoolExecutor(1)
         if arguments[0] in _BRIEF_COMMANDS:
-            thread.submit(reserve_heap, 2)
+            thread.submit(reserve_heap, 1)
+            reserve_heap(1)
         _started.append((thread, thread.submit(create_session, file, 0, for_one_run=True)))
 
 

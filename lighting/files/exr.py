@@ -131,7 +131,7 @@ def _round_to_half(image: NDArray[np.float32], rounded: NDArray[np.float16]) -> 
         out[:] = np.minimum(wanted, np.float32(_MAX_HALF), out=wanted).reshape(rows.shape)
         texture = _round_texture(out.view(np.uint16))
         wanted -= out.reshape(len(rows), -1)
-        wanted *= texture.reshape(len(rows), -1)
+        wanted *= texture
         missing += wanted.sum(axis=0).reshape(-1, 3).sum(axis=0) - moved * total
     return rounded
 
@@ -139,25 +139,33 @@ def _round_to_half(image: NDArray[np.float32], rounded: NDArray[np.float16]) -> 
 def _round_texture(bits: NDArray[np.uint16]) -> NDArray[np.bool_]:
     """Round half floats (R, W, 3), given by their bits, the more the less they lie between those beside them.
 
-    The steps are as those of an 8-bit photo, or less than half of such a difference. Returned is where (R, W, 3)
-    something was rounded.
+    The steps are as those of an 8-bit photo, or less than half of such a difference. Returned is where
+    (R, 3W) something was rounded.
 
     Args:
         bits: changed in place.
     """
-    curvature = np.abs(np.diff(bits[..., 1].astype(np.int16), n=2, axis=1))
-    dropped = np.zeros(curvature.shape, np.uint16)
-    for least, count in _TEXTURE_BITS.items():
-        dropped[curvature >= least] = (1 << count) - 1
+    curvature = np.abs(np.diff(bits[..., 1].view(np.int16), n=2, axis=1))
+    dropped = np.take(_dropped_bits(), curvature, mode="clip")
     rows, columns = bits.shape[:2]
-    texture = np.zeros((rows, columns, 1), np.uint16)
+    texture = np.zeros((rows, columns), np.uint16)
     for first in range(3):  # the middle one of three and those beside it
-        part = texture[:, first : first + columns - 2, 0]
+        part = texture[:, first : first + columns - 2]
         np.maximum(part, dropped, out=part)
-    mask = texture * (bits < _MAX_TEXTURE)
-    bits += (mask + np.uint16(1)) >> np.uint16(1)
-    bits &= ~mask
+    pixels = bits.reshape(rows, -1)
+    mask = np.repeat(texture, 3, axis=1) * (pixels < _MAX_TEXTURE)
+    pixels += (mask + np.uint16(1)) >> np.uint16(1)
+    pixels &= ~mask
     return np.asarray(mask > 0)
+
+
+@cache
+def _dropped_bits() -> NDArray[np.uint16]:
+    """The bits that are dropped from a second difference on, by _TEXTURE_BITS."""
+    dropped = np.zeros(max(_TEXTURE_BITS) + 1, np.uint16)
+    for least, count in _TEXTURE_BITS.items():
+        dropped[least:] = (1 << count) - 1
+    return dropped
 
 
 def _round_to_float(image: NDArray[np.float32], rounded: NDArray[np.float32]) -> NDArray[np.float32]:
