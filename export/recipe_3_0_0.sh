@@ -1,20 +1,17 @@
 #!/usr/bin/env bash
 # Network 3.0.0: D and E answer together, and a network of its own for the camera. All three go on from 2.5.0.
-# Usage: export/recipe_3_0_0.sh DIR FILE TEACHER [OUT], with a folder of panoramas, outdoor-2.5.0.onnx,
-# segments-1.1.0.onnx and the file to write.
+# Usage: export/recipe_3_0_0.sh DIR FILE [OUT], with a folder of panoramas, outdoor-2.5.0.onnx and the file to write.
 # FILE: git show 47c0695c:lighting/data/outdoor-2.5.0.onnx > outdoor-2.5.0.onnx, its .data likewise, or recipe_2_5_0.sh.
-# TEACHER: git show 36dd47ee:lighting/data/segments-1.1.0.onnx > segments-1.1.0.onnx
+# First: git show 36dd47ee:lighting/data/segments-1.1.0.onnx > segments-1.1.0.onnx
 #
 # Not to the bit. An H200 trained for 8 and for 11 minutes, by scripts over the same functions that are not kept: networks
 # shared their crops, and rates fell by time. The teachers d31 and e31 saw 970 panoramas, packed to 1280 x 640; d34, e34
 # and c34 saw 875 (at most seven of a place), as they are. Of mirror images d34 and e34 had their teachers' answers alone.
 # The teachers of 2.5.0 did not answer for the light around. The head of `segments` was learned by such a script, too.
 set -euo pipefail
-usage="Usage: $0 DIR FILE TEACHER [OUT]"
-data=${1:?$usage}
-file=${2:?$usage}
-teacher=${3:?$usage}
-out=${4:-runs/outdoor-3.0.0.onnx}
+data=${1:?Usage: $0 DIR FILE [OUT]}
+file=${2:?Usage: $0 DIR FILE [OUT]}
+out=${3:-runs/outdoor-3.0.0.onnx}
 
 train() { python -m export train --data "$data" --tune-share 0 --version 3.0.0 --batch 64 "$@"; }
 unpack() { python -m export unpack "$file" "$1" --data "$data" --out "$2"; }
@@ -41,6 +38,6 @@ python -m export suitable runs/d34 runs/e34 --data "$data"
 
 train --start runs/c25 --out runs/c34 --crops 298000 --learning-rate 3.6e-4 --only-camera --mirrored "${crops[@]}"
 
-python -m export segments --data "$data" --teacher "$teacher"
+python -m export segments --data "$data" --teacher segments-1.1.0.onnx
 python -m export onnx runs/d34 runs/e34 --camera runs/c34 --segments runs/segments --elevation-scale 60 \
   --temperature 0.8 --version 3.0.0 --out "$out"
