@@ -2,8 +2,8 @@
 
 Input `photo`, float32 (N, 3, H, W), is what `preprocess` makes. Output `sun_probability`, float32 (N, G), sums to 1
 over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. Further outputs
-are optional: `light`, float32 (N, 8), holds _LIGHT_OUTPUT in final units; `around`, float32 (N, 12, 24, 3), the
-radiance of the surroundings without the sun; `segments`, float32 (N, H/8, W/8, 10), the probabilities of what the
+are optional. `light`, float32 (N, 8), holds _LIGHT_OUTPUT in final units; `around`, float32 (N, 12, 24, 3), the
+radiance of the surroundings without the sun. `segments`, float32 (N, H/8, W/8, 10), holds the probabilities of what the
 canvas shows. The metadata key `spec` holds a ModelSpec as JSON.
 """
 

@@ -2,7 +2,7 @@
 
 It goes on from the maps that all networks share, by further blocks of the same backbone. These keep their ImageNet
 weights, too, for the labelled pictures are few: only the head learns. The maps at an eighth and a sixteenth of the
-picture's resolution see a cell and what is near; those at half of that, and their mean, see the whole scene.
+picture's resolution see a cell and what is near. Those at half of that, and their mean, see the whole scene.
 
 The maps of the branches that learned sun and camera tell less of what things are.
 """

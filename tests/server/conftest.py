@@ -18,6 +18,8 @@ from starlette.types import Message
 
 from lighting.estimator import Estimator
 from lighting.model import Model
+from lighting.scene import EXPORTERS
+from lighting.sky import SKY_MODELS
 from server.app import create_app
 from server.dependencies import Service
 from server.schemas import Problem
@@ -33,14 +35,14 @@ def no_settings_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def one_document() -> Iterator[None]:
-    """Services of the same settings share the document of their routes, which takes 0.1 s; each would make its own."""
+    """Services of the same settings and registries share the document of their routes, which takes 0.1 s to make."""
     describe, documents = FastAPI.openapi, dict[str, dict[str, Any]]()
 
     def openapi(app: FastAPI) -> dict[str, Any]:
-        settings = repr(app.state.service.settings)
-        if settings not in documents:
-            documents[settings] = describe(app)
-        return documents[settings]
+        key = repr((app.state.service.settings, list(EXPORTERS), list(SKY_MODELS)))
+        if key not in documents:
+            documents[key] = describe(app)
+        return documents[key]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(FastAPI, "openapi", openapi)
