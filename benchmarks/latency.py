@@ -255,7 +255,7 @@ def main() -> None:
         print(f"JPEG of {size} to a map of {2 * options.height} x {options.height}")
         print(f"fastest of {options.runs} runs, {'processor' if options.cpu else 'wall'} time; {describe_machine()}\n")
         print_parts(*measure_parts(jpeg, Path(folder), options.height, options.runs, clock))
-        command = ["envmap", str(jpeg), "-o", str(exr), "--height", str(options.height)]
+        command = ["envmap", str(jpeg), "-o", str(exr), "--overwrite", "--height", str(options.height)]
         print_process(command, options.runs)
 
 
