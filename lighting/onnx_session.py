@@ -18,7 +18,7 @@ _SLOW = (
 )
 
 
-def create_session(file: Path, threads: int, *, for_one_run: bool = False, arena: bool = True) -> Any:
+def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
     """Open an ONNX file in a session of onnxruntime on the CPU.
 
     Sessions for one run and for many add in one order, on any number of threads: both block the channels of
@@ -28,7 +28,6 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False, arena
         file: the network.
         threads: that work on one run; 0 is one for each CPU that this process may use.
         for_one_run: leave weights that are stored as bytes until they are needed, and the graph mostly as it is.
-        arena: whether a session for many runs keeps the memory of a run for the next one; else malloc does.
 
     Raises:
         ModelError: the file is missing or no network.
@@ -41,7 +40,7 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False, arena
     if not for_one_run:
         options.add_session_config_entry("session.disable_quant_qdq", "1")  # weights are widened once, not in each run
     options.add_session_config_entry("session.disable_prepacking", "1")
-    options.enable_cpu_mem_arena = options.enable_mem_pattern = arena and not for_one_run  # planned for further runs
+    options.enable_cpu_mem_arena = options.enable_mem_pattern = not for_one_run  # planned for further runs
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")

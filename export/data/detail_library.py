@@ -9,6 +9,7 @@ chosen too often.
 
 import argparse
 import io
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -197,6 +198,12 @@ def _features(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.concatenate([four, _smooth(four[0])[None], _classes(linear)])
 
 
+@cache
+def _model() -> Model:
+    """The network of this package, which tells what views show."""
+    return Model.load()
+
+
 def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """Probabilities of FEATURE_CLASSES (C, FEATURE_ROWS, 2 FEATURE_ROWS) by views all around.
 
@@ -204,11 +211,10 @@ def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     shape = FEATURE_ROWS, 2 * FEATURE_ROWS
     total, count = np.zeros((len(FEATURE_CLASSES), *shape)), np.zeros(shape)
-    model = Model.load()
     for azimuth in range(0, 360, _VIEW_STEP):
         directions = camera_directions(Pinhole(*_VIEW_SIZE, _VIEW_FOV, azimuth=azimuth))
         photo = photo_from_array(tone_map(sample_latlong(linear, directions)))
-        segments = photo_segments(model.predict_one(photo).segments, photo.width, photo.height)
+        segments = photo_segments(_model().predict_one(photo).segments, photo.width, photo.height)
         assert segments is not None
         x, y = np.moveaxis(latlong_pixel(directions, FEATURE_ROWS), -1, 0)
         cell = np.minimum(y, FEATURE_ROWS - 1).astype(np.intp) * shape[1] + x.astype(np.intp) % shape[1]

@@ -446,8 +446,9 @@ def write_onnx(
     spec, metadata = _describe(folders, version)
     metadata["cameras"] = json.dumps([training_history(read_record(f)) for f in cameras])
     networks, of_cameras = ([read_network(f) for f in some] for some in (folders, cameras))
-    branch = None if segments is None else SegmentationBranch.read(segments)
-    if branch is not None and segments is not None:
+    branch = None
+    if segments is not None:
+        branch = SegmentationBranch.read(segments)
         branch.check_beginning(networks[0], spec.height, spec.width)
         metadata["segments"] = str(read_record(segments)["training_data"])
     ensemble = _Ensemble(networks, spec.sun_grid, temperature, of_cameras, elevation_scale, branch).eval()
