@@ -228,12 +228,18 @@ def _make_taught(frozen: _FrozenNetwork, teacher: Path, data: Path) -> list[_Var
 
 def _taught_part(view: NDArray[np.uint8], segments: Segments, rng: np.random.Generator) -> _Part:
     """A view in other light, and what the teacher says of it."""
-    size = fit_in_box(view.shape[1], view.shape[0], _SPEC.width, _SPEC.height)
-    small = np.asarray(Image.fromarray(view).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
+    small = _fit_canvas(view)
+    size = small.shape[1::-1]
     planes = (Image.fromarray(np.ascontiguousarray(plane)) for plane in np.moveaxis(segments, 2, 0))
     pixels = np.stack([np.asarray(plane.resize(size, Image.Resampling.BILINEAR)) for plane in planes], axis=-1)
     part = _Part(_vary_light(small, rng), _average_cells(pixels))
     return _mirror(part) if rng.random() < 0.5 else part
+
+
+def _fit_canvas(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture (h, w, 3) in the size that fills the canvas."""
+    size = fit_in_box(pixels.shape[1], pixels.shape[0], _SPEC.width, _SPEC.height)
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
 
 
 def _average_cells(shares: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -326,10 +332,8 @@ def _predict_grid(
         shape: (R, C) of the grid.
     """
     height, width = pixels.shape[:2]
-    size = fit_in_box(width, height, _SPEC.width, _SPEC.height)
-    small = np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
     with torch.inference_mode():
-        canvas = head(*frozen([small])).softmax(dim=1)[0].permute(1, 2, 0).numpy()
+        canvas = head(*frozen([_fit_canvas(pixels)])).softmax(dim=1)[0].permute(1, 2, 0).numpy()
         segments = torch.from_numpy(photo_segments(canvas, width, height)).permute(2, 0, 1)
         cells: NDArray[np.float32] = nn.functional.adaptive_avg_pool2d(segments, shape).permute(1, 2, 0).numpy()
     return cells
