@@ -205,7 +205,11 @@ def _check_server(words: list[str], program: str) -> None:
             wait_for_answer(process, address if "http.server" in program else f"{address}livez")
         finally:
             process.terminate()
-        assert process.wait(PATIENCE) in (0, -signal.SIGTERM, 128 + signal.SIGTERM)
+            try:
+                status = process.wait(PATIENCE)
+            finally:
+                process.kill()  # else the end of the block waits for ever
+        assert status in (0, -signal.SIGTERM, 128 + signal.SIGTERM)
 
 
 def wait_for_answer(process: "subprocess.Popen[str]", address: str) -> None:

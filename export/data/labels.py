@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields, replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -233,7 +234,7 @@ def label_folder(data: Path, out: Path, workers: int = 2) -> None:
         workers: processes.
     """
     panoramas = read_index(data)
-    with ProcessPoolExecutor(workers) as pool:
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:  # a fork beside threads may wait for ever
         labels = list(pool.map(_label_panorama, panoramas, chunksize=8))
     write_labels(labels, out)
     trusted = [label for label in labels if label.fit_ok]

@@ -24,9 +24,9 @@ def needs_engines(test: Callable[..., None]) -> Callable[..., None]:
     Args:
         test: that runs a program in it.
     """
-    marked: Callable[..., None] = pytest.mark.slow(
-        pytest.mark.engines(pytest.mark.skipif(_MISSING, reason=_REASON)(test))
-    )
+    marked: Callable[..., None] = pytest.mark.skipif(_MISSING, reason=_REASON)(test)
+    for mark in (pytest.mark.slow, pytest.mark.engines, pytest.mark.timeout(1800)):
+        marked = mark(marked)
     return marked
 
 

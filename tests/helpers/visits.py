@@ -9,7 +9,7 @@ from typing import Any
 from server.pages import BUNDLE
 from tests.helpers.pages import ROOT
 
-PATIENCE = 900.0  # seconds
+PATIENCE = 400.0  # seconds
 
 Seen = dict[str, Any]  # what a visitor saw
 

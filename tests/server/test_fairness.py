@@ -196,6 +196,7 @@ def test_behind_caddy_clients_have_their_own_shares_and_no_counters(network: Pat
         "trusted_proxies": "127.0.0.1",
         "unsent_bytes": 100_000_000,
         "connections_per_client": 2,
+        "answer_rate": 1,  # so that none is dropped, however slow this machine
     }
     with started(network, concurrency=1, **settings) as server, behind_caddy(server, tmp_path) as port:
         assert [_status_at(port, path, INNOCENT) for path in ("/metrics", "/v1/model", "/")] == [404, 200, 200]
