@@ -301,13 +301,12 @@ def _context_of_record(
 
 
 def _import_renderer() -> None:
-    """Import what renders maps and writes EXR files. The library of detail is read later, for its memory."""
+    """Import what renders maps. The library of detail and OpenEXR come when the network is gone, for their memory."""
     import fractions  # noqa: F401 - OpenEXR imports it to write a header
 
     import lighting.envmap.detail_library
     import lighting.envmap.surroundings
-    import lighting.files.exr
-    import lighting.light_probe  # noqa: F401 - all four
+    import lighting.light_probe  # noqa: F401 - all three
 
 
 def _map_context(photo: EstimatedPhoto, height: int, surroundings: bool | None, detail: bool) -> "PhotoContext | None":
