@@ -132,10 +132,12 @@ def shrink_axis(image: Image, axis: int, pixels: int) -> Image:
         axis: 0 of rows, 1 of columns.
         pixels: of the result along it, up to those of the image.
     """
-    shares = _area_shares(pixels, image.shape[axis])
-    if axis == 0:
-        return np.asarray(np.tensordot(shares, image, 1))
-    return np.asarray(np.einsum("xw,ywc->yxc", shares, image, optimize=True))
+    size = image.shape[axis]
+    blocks = math.gcd(pixels, size)  # that are reduced alike, and each by itself
+    shares = _area_shares(pixels // blocks, size // blocks)
+    before, after = image.shape[:axis], image.shape[axis + 1 :]
+    parts = image.reshape(*before, blocks, size // blocks, -1)
+    return np.asarray(shares @ parts).reshape(*before, pixels, *after)
 
 
 @lru_cache(maxsize=16)
