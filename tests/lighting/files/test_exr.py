@@ -28,6 +28,8 @@ from lighting.files.exr import (
     _MANTISSA_BITS,
     _SET_EFFORT,
     COMPRESSIONS,
+    _floats_of_bits,
+    _half_bits,
     _prepare_compression,
     read_envmap,
     read_exr,
@@ -124,6 +126,17 @@ def test_what_half_floats_do_not_hold_stays_32_bits_wide(wrong: float) -> None:
     rounded = _prepare_compression(pixels, "zip")[1]
     assert rounded.dtype == np.float32
     np.testing.assert_allclose(rounded, pixels, rtol=2.0**-14)
+
+
+def test_half_floats_are_those_of_numpy() -> None:
+    """All that are, those in the middle between two, and the floats beside these, but for the tiniest."""
+    bits = np.arange(0x7C00, dtype=np.uint16)
+    exact = bits.view(np.float16).astype(np.float32)
+    np.testing.assert_array_equal(_floats_of_bits(bits), exact)
+    middle = (exact[1:] + exact[:-1]) / 2
+    normal = middle[0x400:]
+    values = np.concatenate([exact, middle, np.nextafter(normal, 0), np.nextafter(normal, np.inf)])
+    np.testing.assert_array_equal(_half_bits(values), values.astype(np.float16).view(np.uint16))
 
 
 def test_rounding_shrinks_the_file(image: NDArray[np.float32]) -> None:
