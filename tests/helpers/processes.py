@@ -90,20 +90,25 @@ def run_in_terminal(*arguments: str | Path, stdout_too: bool) -> tuple[int, byte
 PATIENCE = 10.0  # seconds
 
 
-def has_ended(pid: int) -> bool:
-    """Whether a process is gone, or only its status is left."""
+def _state(pid: int) -> str:
+    """The state of a process, a letter of Linux's /proc: R runs, S sleeps, Z is gone, or only its status is left."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except FileNotFoundError:
-        return True
+        return "Z"
+
+
+def wait_for_state(pid: int, state: str) -> None:
+    """Wait until a process has a state of `_state`; AssertionError where it gets another."""
+    deadline = time.monotonic() + PATIENCE
+    while (now := _state(pid)) != state:
+        assert time.monotonic() < deadline, f"process {pid} is in state {now}, not {state}"
+        time.sleep(0.02)
 
 
 def wait_until_ended(pid: int) -> None:
     """Wait for the end of a process; AssertionError where it goes on."""
-    deadline = time.monotonic() + PATIENCE
-    while not has_ended(pid):
-        assert time.monotonic() < deadline, f"process {pid} goes on"
-        time.sleep(0.02)
+    wait_for_state(pid, "Z")
 
 
 @contextmanager
