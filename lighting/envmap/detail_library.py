@@ -13,7 +13,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from PIL import Image as Pictures
 from PIL import ImageEnhance, WebPImagePlugin
@@ -295,22 +294,18 @@ def choice_costs(
         library: None is the one in this package.
     """
     library = load_detail_library() if library is None else library
+    columns = 2 * FEATURE_ROWS
+    turned = (np.arange(columns)[:, None] + np.arange(columns)) % columns  # (turns, columns)
     flips = [library.features, library.features[..., ::-1]]
     costs = [_sun_cost(library, flipped, sun_azimuth) for flipped in (False, True)]
     for kind, (weights, targets) in enumerate(zip(weight, weight * target, strict=True)):
         rows = weights.any(axis=1)  # of most kinds only those that the photo shows
-        turns = [_turn_columns(one[rows]) for one in (weights, targets)]
+        turns = [one[rows][:, turned].swapaxes(0, 1).reshape(columns, -1).T for one in (weights, targets)]
         for cost, features in zip(costs, flips, strict=True):
             values = features[:, kind, rows].reshape(len(features), -1)
             cost += values**2 @ turns[0] - 2 * values @ turns[1]
     around = _around_cost(library, target, weight) + np.where(library.snow == snow, 0.0, np.inf)
     return np.stack(costs) + around[:, None]
-
-
-def _turn_columns(cells: Image) -> Image:
-    """Some rows of cells (R, C) in all their rotations: (R * C, turns), turned by a column more in each."""
-    twice = np.concatenate([cells, cells[:, :-1]], axis=1)
-    return sliding_window_view(twice, cells.shape[1], axis=1).swapaxes(0, 1).reshape(cells.shape[1], -1).T
 
 
 def _around_cost(library: _DetailLibrary, target: Image, weight: Image) -> Floats:

@@ -49,8 +49,9 @@ _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
 _MAX_HALF = 65504.0  # the largest half float
 _MIN_ROW_MEAN = 2.0**-12  # of a row of half floats, beside which their steps of 2^-24 do not count
 _TEXTURE_BITS = {20: 4, 110: 5}  # of the 10 of a half float that are dropped from a second difference [ulp] on
-_HALF_DROPPED = np.uint32(23 - 10)  # bits of a float's mantissa that a half float lacks
-_HALF_BIAS = np.float32(2.0**-112)  # brings a float's exponent to that of a half float
+_LACKED_BITS = np.uint32(23 - 10)  # of a float's mantissa, that a half float has not
+_BELOW_MIDDLE = np.uint32((1 << 23 - 10 - 1) - 1)  # in these, just less than half a step
+_EXPONENT_SCALE = np.float32(2.0**-112)  # brings a float's exponent to that of a half float
 _TEXTURE_ROWS = 256  # of a map from which it has so many pixels that they may be texture
 _MAX_TEXTURE = 0x4C00  # the bits of 16, beyond which lies the sun
 _MOVED_SHARE = 2.0**-5  # of the light of some rows, up to which they get what rounding took from others
@@ -147,14 +148,15 @@ def _half_bits(values: NDArray[np.float32]) -> NDArray[np.uint16]:
     Args:
         values: from 0 to _MAX_HALF.
     """
-    bits = (values * _HALF_BIAS).view(np.uint32)
-    bits += (bits >> _HALF_DROPPED & np.uint32(1)) + np.uint32((1 << _HALF_DROPPED - 1) - 1)
-    return (bits >> _HALF_DROPPED).astype(np.uint16)
+    bits = (values * _EXPONENT_SCALE).view(np.uint32)
+    is_odd = (bits >> _LACKED_BITS) & np.uint32(1)
+    bits += is_odd + _BELOW_MIDDLE
+    return (bits >> _LACKED_BITS).astype(np.uint16)
 
 
 def _floats_of_bits(bits: NDArray[np.uint16]) -> NDArray[np.float32]:
     """The values of half floats from 0 on, given by their bits."""
-    return np.asarray((bits.astype(np.uint32) << _HALF_DROPPED).view(np.float32) / _HALF_BIAS)
+    return np.asarray((bits.astype(np.uint32) << _LACKED_BITS).view(np.float32) / _EXPONENT_SCALE)
 
 
 def _round_texture(bits: NDArray[np.uint16]) -> NDArray[np.bool_]:
