@@ -358,7 +358,8 @@ def make_sound(path: Path) -> Path:
 
 def make_song(path: Path, cover: Pixels) -> Path:
     with av.open(str(path), "w") as film:
-        picture, sound = film.add_stream("mjpeg", rate=1), film.add_stream("libmp3lame", rate=44100)
+        picture: Any = film.add_stream("mjpeg", rate=1)
+        sound = film.add_stream("libmp3lame", rate=44100)
         picture.width, picture.height, picture.pix_fmt = cover.shape[1], cover.shape[0], "yuvj420p"
         picture.disposition = av.stream.Disposition.attached_pic.value
         film.mux(picture.encode(av.VideoFrame.from_ndarray(cover, format="rgb24")))
