@@ -40,6 +40,14 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
 
 _NO_ARGUMENTS: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())  # from click 8.2 on
 OLD_OPTIONS = {f"--{no}{old}": f"--{no}{new}" for old, new in OLD_NAMES.items() for no in ("", "no-")}
+_SECTIONS = {  # of a long help, in this order, as are the options in each; others come first, as "Options"
+    "Output": ("-o", "--preview", "--height", "--overwrite", "--json", "-q", "--strict", "-h"),
+    "Light": ("--sun", "--exposure", "--haze", "--overcast", "--no-sun"),
+    "Place": ("--time", "--utc-offset", "--latitude", "--longitude", "--heading", "--keep-location"),
+    "Photo": ("--vertical-fov", "--camera-height", "--no-metadata", "--model"),
+    "Map": ("--surroundings", "--detail", "--sky", "--yaw", "--compression", "--colours"),
+}
+_LONG = 24  # options, from which on a help has sections
 _NEAR = 0.6  # share of the letters that a suggestion has in common with what was typed
 _CLIPS = frozenset([".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp"])
 
@@ -94,6 +102,29 @@ class Command(_Helped):
             raise click.UsageError(f"`{ctx.command_path}` {needs}; {extra[0]!r} is too much.", ctx)
         return extra
 
+    def option_sections(self, ctx: click.Context) -> dict[str, list[tuple[str, str]]]:
+        """What the help shows of the options, names and meaning, by the title of their section.
+
+        Args:
+            ctx: of click.
+        """
+        options = {p.opts[0]: record for p in self.get_params(ctx) if (record := _option_help(p, ctx))}
+        if len(options) < _LONG:
+            return {"Options": list(options.values())}
+        sections = {title: [options.pop(n) for n in names if n in options] for title, names in _SECTIONS.items()}
+        return {title: records for title, records in {"Options": list(options.values()), **sections}.items() if records}
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, of a long help in sections.
+
+        Args:
+            ctx: of click.
+            formatter: takes the lines.
+        """
+        for title, records in self.option_sections(ctx).items():
+            with formatter.section(title):
+                formatter.write_dl(records)
+
     def _with_new_names(self, args: Sequence[str]) -> list[str]:
         """The arguments with the new names of options that were renamed."""
         read = [] if "--" not in args else list(args[args.index("--") :])
@@ -105,6 +136,10 @@ class Command(_Helped):
     def _with_new_name(self, word: str) -> str:
         name, equals, value = word.partition("=")
         return self.renamed.get(name, name) + equals + value
+
+
+def _option_help(param: click.Parameter, ctx: click.Context) -> tuple[str, str] | None:
+    return param.get_help_record(ctx) if isinstance(param, click.Option) else None
 
 
 class Group(_Helped, click.Group):

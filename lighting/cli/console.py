@@ -90,12 +90,8 @@ def print_estimate(
         as_json: which of both; stdout must hold nothing else.
         quiet: print no warnings.
     """
-    from lighting.records import json_line
-
     if as_json:
-        files = {key: escape_undecodable(file) for key, file in outputs.items()}
-        inner = asdict(crop) if crop else None
-        click.echo(json_line(escape_undecodable(name), lighting, probe, files, crop=inner))
+        click.echo(format_record(name, lighting, outputs, probe=probe, crop=crop))
         return
     closed = bool(outputs) and not sys.stdout.writable()  # what matters is written
     if not (outputs and quiet) and not closed and "-" not in outputs.values():
@@ -103,8 +99,31 @@ def print_estimate(
     report_warnings(name, warnings, quiet)
 
 
-def print_json_error(name: str, error: Exception) -> None:
-    """Print why a file has no answer as a line of JSON.
+def format_record(
+    name: str,
+    lighting: "Lighting",
+    outputs: Mapping[str, str] = {},
+    *,
+    probe: "LightProbe | None" = None,
+    crop: "PhotoCrop | None" = None,
+) -> str:
+    """Return a photo's light as a line of JSON.
+
+    Args:
+        name: of the photo.
+        lighting: its light.
+        outputs: the files that were written, by their names in JSON.
+        probe: of the light; None: without.
+        crop: the photo's part of the picture; None where it has no border.
+    """
+    from lighting.records import json_line
+
+    files = {key: escape_undecodable(file) for key, file in outputs.items()}
+    return json_line(escape_undecodable(name), lighting, probe, files, crop=asdict(crop) if crop else None)
+
+
+def format_json_error(name: str, error: Exception) -> str:
+    """Return why a file has no answer as a line of JSON.
 
     Args:
         name: of the file.
@@ -112,7 +131,7 @@ def print_json_error(name: str, error: Exception) -> None:
     """
     from lighting.records import json_line
 
-    click.echo(json_line(escape_undecodable(name), escape_undecodable(describe_error(error))))
+    return json_line(escape_undecodable(name), escape_undecodable(describe_error(error)))
 
 
 def report_failure(name: str, error: Exception, progress: Any) -> None:
@@ -429,6 +448,7 @@ class OutputKind:
 
 _MAP_SUFFIXES = tuple(f".{name}" for name in MAP_FORMATS)
 MAPS = OutputKind(".exr", _MAP_SUFFIXES, join_words(_MAP_SUFFIXES))
+RECORD_SUFFIXES = (".json", ".jsonl")
 PREVIEWS = OutputKind("-preview.png", (".png",), ".png")
 
 
@@ -451,6 +471,33 @@ def check_json(as_json: bool, names: Sequence[str | None]) -> None:
     """
     if as_json and "-" in names:
         raise click.UsageError("--json and the file would both go to stdout.")
+
+
+def check_records(sources: Sequence[str], output: str | None, *, overwrite: bool) -> None:
+    """Raise an error, before any work, where JSON about the sources could not be written to a file.
+
+    Args:
+        sources: the files that are read; "-" is stdin.
+        output: the file's name; None where nothing is written.
+        overwrite: whether it may be replaced.
+    """
+    if output is not None:
+        check_file(output, RECORD_SUFFIXES if len(sources) == 1 else RECORD_SUFFIXES[1:])
+        check_apart(sources, [output])
+        check_absent([output], overwrite=overwrite)
+
+
+def write_records(output: str, lines: Sequence[str], *, quiet: bool) -> None:
+    """Write lines of JSON, and say so.
+
+    Args:
+        output: the file's name.
+        lines: without their ends.
+        quiet: say nothing.
+    """
+    write_bytes(output, "".join(f"{line}\n" for line in lines).encode())
+    if not quiet:
+        click.echo(f"Wrote {escape_path(output)}.")
 
 
 def choose_files(sources: Sequence[str], output: str | None, kind: OutputKind, *, overwrite: bool) -> list[str]:

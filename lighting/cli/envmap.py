@@ -102,7 +102,7 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
 @cli.command(
     "render",
     epilog="""
-    lighting estimate --json photo.jpg > light.json     # a record, to keep or to edit
+    lighting estimate photo.jpg -o light.json           # a record, to keep or to edit
     lighting render light.json --photo photo.jpg        # light.exr, the map that envmap makes
     lighting render light.json -o sky.exr               # the sky alone
     """,
@@ -177,8 +177,8 @@ def _formats() -> list[str]:
 @cli.command(
     "light-probe",
     epilog="""
-    lighting light-probe photo.jpg > probe.json
-    lighting light-probe photo.jpg --for unity > probe.json
+    lighting light-probe photo.jpg -o probe.json
+    lighting light-probe photo.jpg --for unity -o probe.json
     lighting light-probe light.json --for threejs
     """,
 )
@@ -191,6 +191,7 @@ def _formats() -> list[str]:
     type=common.RegistryChoice(_formats),
     help="The engine that takes it.",
 )
+@common.record_output("Write it to FILE.json.  [default: stdout]")
 @common.no_sun_option
 @common.surroundings_option
 @common.user_input_options
@@ -200,6 +201,8 @@ def _formats() -> list[str]:
 def _light_probe(
     source: str,
     format: str,
+    output: str | None,
+    overwrite: bool,
     sun: bool | None,
     surroundings: bool | None,
     user_input: "UserInput",
@@ -213,13 +216,19 @@ def _light_probe(
     """
     from lighting.light_probe import encode_light_probe
 
+    output = None if output == "-" else output
+    console.check_records([source], output, overwrite=overwrite)
     if source.lower().endswith((".json", ".jsonl")):
         probe = _probe_of_record(source, sun, surroundings, user_input, model)
     else:
         estimate = estimate_file(source, user_input, model).estimate
         probe = estimate.light_probe(sun=sun, surroundings=surroundings)
         console.report_warnings(source, estimate.warnings, quiet)
-    click.echo(encode_light_probe(probe, format))
+    text = encode_light_probe(probe, format)
+    if output is None:
+        click.echo(text)
+    else:
+        console.write_records(output, [text], quiet=quiet)
 
 
 def _probe_of_record(

@@ -87,11 +87,12 @@ def _refuse_fit(_ctx: click.Context, _param: click.Parameter, value: str | None)
     "estimate",
     epilog="""
     lighting estimate photo.jpg
-    lighting estimate --json *.jpg > lights.jsonl       # a record a line
+    lighting estimate *.jpg -o lights.jsonl             # also a record a line
     lighting estimate photo.jpg --time 2024-06-01T18:30+02:00 --lat 48.14 --lon 11.58
     """,
 )
 @click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=common.FileName())
+@common.record_output("Also write the record to FILE.json, those of several photos to FILE.jsonl.")
 @common.json_option
 @common.strict_option
 @common.together_option
@@ -105,6 +106,8 @@ def _estimate(
     ctx: click.Context,
     /,
     photos: Sequence[str],
+    output: str | None,
+    overwrite: bool,
     as_json: bool,
     user_input: "UserInput",
     model: str | None,
@@ -120,24 +123,31 @@ def _estimate(
     console.check_stdin(photos)
     _check_together(len(photos), user_input, **taken_together)
     _warn_unregistered(quiet, **taken_together)
-    lights = list["Lighting"]()
+    if output == "-":
+        output, as_json = None, True
+    console.check_records(photos, output, overwrite=overwrite)
+    lights, lines = list["Lighting"](), list[str]()
     failed, answers_of = 0, _answers(model, photos, user_input, **taken_together)
     with console.photo_progress(photos, quiet) as progress:
         for name, answer in answers_of(progress):
             if not isinstance(answer, Exception):
-                light, probe = answer.lighting, answer.light_probe() if as_json else None
+                light, probe = answer.lighting, answer.light_probe() if as_json or output else None
                 crop, warnings = answer.photo.crop, answer.warnings
                 console.print_estimate(name, light, warnings, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
                 lights.append(light)
+                lines.append(console.format_record(name, light, probe=probe, crop=crop))
                 continue
             if ctx.find_root().params["debug"]:
                 raise answer
             failed += 1
+            lines.append(console.format_json_error(name, answer))
             if as_json:
-                console.print_json_error(name, answer)
+                click.echo(lines[-1])
             console.report_failure(name, answer, progress)
     if failed and len(photos) > 1:
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
+    if output is not None and lights:
+        console.write_records(output, lines, quiet=quiet or as_json)
     ctx.exit(1 if failed else strict_status(lights, strict))
 
 

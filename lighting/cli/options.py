@@ -280,6 +280,16 @@ def folder_output(default: str, text: str = "New or empty unless --overwrite.") 
     return lambda command: option(overwrite_option(command))
 
 
+def record_output(text: str) -> Decorator:
+    """Add -o for a file of JSON, and --overwrite.
+
+    Args:
+        text: what the help says.
+    """
+    option = click.option("-o", "--output", metavar="FILE", callback=check_file_name, help=text)
+    return lambda command: option(overwrite_option(command))
+
+
 surroundings_option = click.option(
     "--surroundings/--no-surroundings",
     default=None,

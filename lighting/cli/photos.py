@@ -67,7 +67,7 @@ def process_photos(
                 if console.is_broken_pipe(error):
                     raise
                 if chosen.as_json:
-                    console.print_json_error(name, error)
+                    click.echo(console.format_json_error(name, error))
                 if len(chosen.photos) == 1 or ctx.find_root().params["debug"]:
                     raise
                 failed += 1
