@@ -31,9 +31,11 @@ from lighting.records import CodedWarning, EstimatedLight, Lighting, WarningCode
 from lighting.registration import photo_set, two_view
 from lighting.tracing import trace_step
 from server import problems
-from server.jobs import JobRunner, JobStore
+from server.job_store import JobStore
+from server.jobs import JobRunner
 from server.limits import (
     ApiKeys,
+    BusyError,
     Client,
     ConnectionLimiter,
     CpuLimiter,
@@ -216,10 +218,16 @@ class Service:
         """The folder of the network and its figures."""
         return (self.settings.model or packaged_model()).parent
 
-    @property
-    def full(self) -> bool:
-        """Whether a new client's photo would be refused with 503."""
-        return self.limiter.full
+    def find_fault(self) -> Exception | None:
+        """Why a new client's photo would be refused with 503, or a job wait in vain; None if all is well."""
+        if not self.ready:
+            retry = {"Retry-After": problems.RETRY_SECONDS}
+            return ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
+        if self.ending:
+            return BusyError("The service shuts down.")
+        if self.limiter.full:
+            return BusyError()
+        return BusyError(f"Jobs stand still: {self.jobs.fault}.") if self.jobs and self.jobs.fault else None
 
     def identify_client(self, scope: Scope) -> Client:
         """Who asks: the holder of an API key of the service, else an address.

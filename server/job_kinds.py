@@ -21,6 +21,7 @@ from typing import Any, BinaryIO, TypeVar
 
 from lighting.envmap.relighting import Adjustments
 from lighting.errors import ErrorCode, LightingError, VideoError
+from lighting.files import escape_undecodable
 from lighting.fusion.user_input import UserInput
 from lighting.records import Json
 from lighting.runtime import begin_helper, confine_to_folder, limit_address_space
@@ -34,7 +35,8 @@ MAX_FILES = 2000  # in a ZIP of photos
 _PHOTOS, _OUT, _PART = Path("photos"), Path("out"), Path("result.part")
 _SLICE = 1 << 20  # bytes that are unpacked at once
 _MEMORY = 4_000_000_000  # bytes of address space for clips and normals; photos are decoded in processes with their own
-_MAX_WARNINGS, _MAX_WARNING = 50, 500  # of a job, and letters of one
+MAX_WARNINGS, MAX_WORDS = 50, 500  # of a job, and letters of one and of an error
+_MAX_LOG = 4000  # letters of a traceback
 _NICENESS = 10  # so that photos that somebody waits for go first
 _WORK_SHARE = 0.9  # of a job's progress; the rest packs the result
 _READ_SHARE = 0.2  # of the progress of normals, for reading the photos
@@ -73,14 +75,19 @@ def run_worker() -> None:
         with listen_to_steps(lambda step: _answer(answers, {"step": step})) if traced else nullcontext():
             warnings = JOB_KINDS[request["kind"]].work(request, lambda part: report(_WORK_SHARE * part))
             _pack(_OUT)
-        _answer(answers, {"warnings": [text[:_MAX_WARNING] for text in warnings[:_MAX_WARNINGS]]})
+        _answer(answers, {"warnings": [_as_words(text) for text in warnings[:MAX_WARNINGS]]})
     except LightingError as error:
-        _answer(answers, {"error": str(error), "code": error.code.value})
+        _answer(answers, {"error": _as_words(str(error)), "code": error.code.value})
     except (OSError, MemoryError) as error:
         reason = "memory" if isinstance(error, MemoryError) else "disk"
         _answer(answers, {"error": f"The job needs more {reason} than it may have.", "code": "unreadable"})
     except Exception:
-        _answer(answers, {"log": traceback.format_exc()})
+        _answer(answers, {"log": escape_undecodable(traceback.format_exc())[-_MAX_LOG:]})
+
+
+def _as_words(text: str) -> str:
+    """A sentence as an answer holds it: short, and without the half characters that names of files may have."""
+    return escape_undecodable(text)[:MAX_WORDS]
 
 
 def _answer(answers: BinaryIO, content: Json) -> None:
