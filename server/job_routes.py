@@ -1,6 +1,5 @@
 """Long jobs over HTTP: submit a clip or a ZIP of photos, ask how far it is, take the result, delete it."""
 
-import errno
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,7 +21,7 @@ from server import field_types as types
 from server import problems
 from server.dependencies import ServiceDep
 from server.field_types import InRange, NotNull, RegistryName, field_error
-from server.job_kinds import JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
+from server.job_kinds import DISK_FULL, JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
 from server.job_store import JobState, StoredJob
 from server.jobs import JobRunner
 from server.limits import BusyError, client_of_request
@@ -34,7 +33,6 @@ from server.schemas import JobRecord
 
 _UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
 _UPLOAD_PART = 2  # an upload may have this part of a job's bytes
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 _POLL_SECONDS = "2"  # after which a client may ask again
 _SUFFIX = re.compile(r"\.[A-Za-z0-9]{1,5}")
 _BINARY = {"type": "string", "format": "binary"}
@@ -140,7 +138,7 @@ def _disk_errors() -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise (BusyError("The disk for jobs is full.") if error.errno in _DISK_FULL else error) from error
+        raise (BusyError("The disk for jobs is full.") if error.errno in DISK_FULL else error) from error
 
 
 UploadDep = Annotated[Any, Depends(_receive_upload)]

@@ -31,7 +31,7 @@ from server.tracing import JobSpan, RequestTracer
 _WORKER = "from server.job_kinds import run_worker; run_worker()"
 _POLL_SECONDS = 0.25  # between two looks at the process at work
 _SWEEP_SECONDS = 60.0  # between two looks for jobs that are to be forgotten
-_PAUSE_SECONDS = 5.0  # after a turn that failed
+_PAUSE_SECONDS = 2.0  # after a turn that failed
 _SILENT_SECONDS = 150.0  # after which the runner, who says more often that it lives, stands still
 _MAX_LINE = 1 << 16  # bytes of a line that the process writes
 _MIN_FILE_BYTES = 4096  # that a file counts at least, so that nobody makes very many
@@ -161,7 +161,6 @@ class JobRunner:
             self._alive = time.monotonic()
             try:
                 await self._take_turn()
-                self._fault = ""
             except Exception as error:
                 self._note(error)
                 await sleep(_PAUSE_SECONDS)
@@ -179,7 +178,9 @@ class JobRunner:
         await self.store.sweep()
         if job := self._next():
             await self._carry_out(job)
+            self._fault = ""
             return
+        self._fault = ""
         self._news = Event()
         with move_on_after(_SWEEP_SECONDS):
             await self._news.wait()

@@ -3,6 +3,7 @@
 import errno
 import io
 import json
+import shutil
 import sqlite3
 import time
 import zipfile
@@ -20,10 +21,11 @@ from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
+from lighting.runtime import start_python
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.output import _write_png16
 from lighting.stereo.solver import Pose
-from server import job_kinds
+from server import job_kinds, jobs
 from server.app import create_app
 from server.job_kinds import MAX_FILES, RESULT_FILE, _UploadError
 from server.job_store import JOBS_FOLDER, RESULT_SECONDS, JobState, JobStore, StoredJob
@@ -293,7 +295,7 @@ def test_jobs_survive_a_restart(folder: Path, store: JobStore) -> None:
     with pytest.raises(SettingsError, match="another service uses it"):
         JobStore(folder, places=8)
     numbers = [submit_to(store, host(n)) for n in range(3)]
-    anyio.run(store.begin, store.find(numbers[0]))
+    anyio.run(store.begin, store.find(numbers[0]) or pytest.fail("gone"))
     end(store, numbers[1], warnings=("It was dark.",))
     store.close()
     again = JobStore(folder, places=8)
@@ -301,7 +303,7 @@ def test_jobs_survive_a_restart(folder: Path, store: JobStore) -> None:
     assert [job.state for job in jobs if job] == [JobState.QUEUED, JobState.FINISHED, JobState.QUEUED]
     assert jobs[1]
     assert jobs[1].warnings == ("It was dark.",)
-    anyio.run(again.begin, jobs[0])
+    anyio.run(again.begin, jobs[0] or pytest.fail("gone"))
     again.close()
     third = JobStore(folder, places=8)
     failed = third.find(numbers[0])
@@ -457,14 +459,108 @@ def test_a_zip_stays_in_its_folder_and_within_its_bytes(tmp_path: Path, monkeypa
     for files, words in (
         ({"big": bytes(101)}, "more than 0.0001 MB"),
         ({f"n{n}": b"" for n in range(MAX_FILES + 1)}, f"at most {MAX_FILES}"),
-        ({"x/a": b"1", "../x/a": b"2"}, "one twice"),
-        ({"y": b"1", "y/z": b"2"}, "no file's"),
+        ({"y": b"1", "y/z": b"2"}, "no file's: y/z"),
     ):
         archive.write_bytes(pack(**files))
         with pytest.raises(_UploadError, match=words):
             job_kinds._unpack(archive, 100)
         for path in sorted(Path("photos").rglob("*"), reverse=True):
             path.rmdir() if path.is_dir() else path.unlink()
+
+
+def test_names_alike_in_a_zip_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    archive = Path("p.zip")
+    with zipfile.ZipFile(archive, "w") as source:
+        for number, name in enumerate(("a.jpg", "x/a.jpg", "../a.jpg", "./a.jpg", "b")):
+            source.writestr(name, str(number))
+    told = "The ZIP holds a.jpg more than once in a folder; one is a-{}.jpg now."
+    assert job_kinds._unpack(archive, 100) == [told.format(2), told.format(3)]
+    found = {path.relative_to("photos").as_posix(): path.read_text() for path in Path("photos").rglob("*.jpg")}
+    assert found == {"a.jpg": "0", "x/a.jpg": "1", "a-2.jpg": "2", "a-3.jpg": "3"}
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_damaged_zip_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: int) -> None:
+    """Damaged in a hundred ways, of which a few hit nothing."""
+    monkeypatch.chdir(tmp_path)
+    random, archive, damaged = np.random.default_rng(7), Path("p.zip"), 0
+    with zipfile.ZipFile(archive, "w", method) as source:
+        source.writestr("a.jpg", random.bytes(300) + bytes(300))
+        source.writestr("b.jpg", bytes(900))
+    whole = archive.read_bytes()
+    for _ in range(100):
+        data = bytearray(whole)
+        data[random.integers(len(data))] = random.integers(256)
+        archive.write_bytes(data[: random.integers(20, 2 * len(data))])
+        try:
+            job_kinds._unpack(archive, 10_000)
+        except _UploadError as error:
+            damaged += str(error) == "The upload is no ZIP that can be read."
+        shutil.rmtree("photos", ignore_errors=True)
+    assert damaged > 50
+
+
+HOSTILE_LINES = (
+    *('{"warnings": 5}', '{"warnings": ["\\ud800"]}', '{"warnings": []}', '{"progress": 1e999}', '{"progress": NaN}'),
+    *('{"error": 5}', '{"step": [["map"]]}', '{"code": "x"}', '{"log": "one\\ntwo"}', "null", "[]", "\\xff"),
+    *("9" * 5000, "[" * 60_000, "{" * 70_000),
+)
+
+
+def test_nothing_that_a_job_says_ends_the_runner(
+    estimator: Estimator, folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Whoever has taken a job's process over may write what it likes, also a link in place of the result."""
+    lines = iter(HOSTILE_LINES)
+    caplog.set_level("INFO")
+
+    def start(_: str) -> Any:
+        code = "import os, sys, json; os.chdir(json.loads(sys.stdin.read())['folder'])"
+        return start_python(f"{code}; os.symlink('/etc/passwd', '{RESULT_FILE}'); print({next(lines)!r})")
+
+    monkeypatch.setattr(jobs, "start_python", start)
+    monkeypatch.setattr(jobs, "_POLL_SECONDS", 0.02)
+    with TestClient(create_app(Settings(jobs_folder=folder), estimator), raise_server_exceptions=False) as client:
+        for _ in HOSTILE_LINES:
+            record = wait(client, submit(client, b"x", kind="photos").headers["location"])
+            assert record["state"] == "failed"
+            assert record["error"] in (jobs._CRASH_ERROR, jobs._INTERNAL_ERROR)
+        assert client.get("/readyz").status_code == 200
+    assert "jobs stand still" not in caplog.text
+    assert "removed job" in caplog.text  # those that failed gave way to the next ones
+    assert not any("\n" in entry.message for entry in caplog.records)
+
+
+def test_a_system_that_starts_no_process_is_told(
+    estimator: Estimator, folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(_: str) -> None:
+        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(jobs, "start_python", fail)
+    monkeypatch.setattr(jobs, "_PAUSE_SECONDS", 0.5)
+    with TestClient(create_app(Settings(jobs_folder=folder), estimator), raise_server_exceptions=False) as client:
+        address = submit(client, b"x", kind="photos").headers["location"]
+        while (answer := client.get("/readyz")).status_code == 200:
+            time.sleep(0.02)
+        told = problem(answer, 503, "busy")["detail"]
+        assert told == "Jobs stand still: Resource temporarily unavailable."
+        record = wait(client, address)
+        assert (record["state"], record["error"]) == ("failed", jobs._INTERNAL_ERROR)
+        while client.get("/readyz").status_code != 200:
+            time.sleep(0.02)
+    assert caplog.text.count("jobs stand still") == 1
+    assert "Traceback" not in caplog.text
+
+
+def test_a_runner_that_hangs_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runner = jobs.JobRunner(JobStore(folder, 8), 1, 1.0, lambda _: 0.0, lambda *_: None)
+    assert not runner.fault
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + 1000.0)
+    assert runner.fault.startswith("nothing has happened for 1000 s")
+    runner.store.close()
 
 
 @pytest.mark.slow
