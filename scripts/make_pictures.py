@@ -76,6 +76,7 @@ def draw_monkey() -> Image.Image:
     with tempfile.TemporaryDirectory() as folder:
         estimate(EXAMPLES / "wide_street.jpg").scene("blender", folder)
         _run(python, Path(folder) / "scene.py", "--save")
+        script = script.replace("resolution_percentage = 50", "resolution_percentage = 100")  # of a small photo
         opened = f"import bpy; bpy.ops.wm.open_mainfile(filepath={str(Path(folder) / 'scene.blend')!r})\n"
         _run(python, "-c", opened + script)
         return _load(Path(folder) / "monkey.png")
