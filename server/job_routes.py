@@ -1,12 +1,14 @@
 """Long jobs over HTTP: submit a clip or a ZIP of photos, ask how far it is, take the result, delete it."""
 
-import errno
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import Annotated, Any, Self
 
+from anyio import to_thread
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from pydantic import Field, model_validator
@@ -19,8 +21,9 @@ from server import field_types as types
 from server import problems
 from server.dependencies import ServiceDep
 from server.field_types import InRange, NotNull, RegistryName, field_error
-from server.job_kinds import JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
-from server.jobs import JobRunner, JobState, StoredJob
+from server.job_kinds import DISK_FULL, JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
+from server.job_store import JobState, StoredJob
+from server.jobs import JobRunner
 from server.limits import BusyError, client_of_request
 from server.problems import ProblemError, problem_responses
 from server.query_params import AdjustQuery, UserInputQuery, refuse_parameters
@@ -30,7 +33,6 @@ from server.schemas import JobRecord
 
 _UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
 _UPLOAD_PART = 2  # an upload may have this part of a job's bytes
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 _POLL_SECONDS = "2"  # after which a client may ask again
 _SUFFIX = re.compile(r"\.[A-Za-z0-9]{1,5}")
 _BINARY = {"type": "string", "format": "binary"}
@@ -122,15 +124,21 @@ JobDep = Annotated[StoredJob, Depends(_find_job)]
 async def _receive_upload(request: Request, service: ServiceDep, jobs: JobsDep) -> Any:
     """The number of a new job, whose upload lies in its folder; all of it is gone if the request fails."""
     limits = BodyLimits(jobs.max_bytes // _UPLOAD_PART, _UPLOAD_SECONDS, service.settings.upload_rate)
-    with jobs.store.reserve_place(client_of_request(request)) as number:
-        path = jobs.store.path(number) / UPLOAD_STEM
-        body = RequestBody(request, limits, service.uploads.count_upload)
-        try:
-            name = await body.save(path)
-        except OSError as error:
-            raise (BusyError("The disk for jobs is full.") if error.errno in _DISK_FULL else error) from error
-        suffix = PurePath(name).suffix
-        yield number, path.rename(path.with_suffix(suffix if _SUFFIX.fullmatch(suffix) else ""))
+    with _disk_errors():
+        async with jobs.store.reserve_place(client_of_request(request)) as number:
+            path = jobs.store.work_folder(number) / UPLOAD_STEM
+            name = await RequestBody(request, limits, service.uploads.count_upload).save(path)
+            suffix = PurePath(name).suffix
+            yield number, path.rename(path.with_suffix(suffix if _SUFFIX.fullmatch(suffix) else ""))
+
+
+@contextmanager
+def _disk_errors() -> Iterator[None]:
+    """Say that the disk is full, where the system says so."""
+    try:
+        yield
+    except OSError as error:
+        raise (BusyError("The disk for jobs is full.") if error.errno in DISK_FULL else error) from error
 
 
 UploadDep = Annotated[Any, Depends(_receive_upload)]
@@ -157,7 +165,7 @@ async def _submit_job(
     wanted = query.to_request(path.name, str(model.resolve()) if model else None)
     if service.tracer:
         wanted["trace"] = service.tracer.current_context()
-    jobs.submit(StoredJob(number, client_of_request(request), wanted))
+    await jobs.submit(StoredJob(number, client_of_request(request), wanted))
     return _answer_job(request, jobs, number, 202)
 
 
@@ -185,8 +193,10 @@ async def _download_result(jobs: JobsDep, job: JobDep) -> Response:
     """It is kept for a day after the job has finished."""
     if job.state is not JobState.FINISHED:
         raise ProblemError(problems.NO_RESULT, job.error or f"The job is {job.state.value}; ask again.")
-    headers = {"Cache-Control": "private, no-store"}
-    return FileResponse(jobs.store.path(job.id) / RESULT_FILE, media_type=ZIP_TYPE, headers=headers)
+    path = jobs.store.path(job.id) / RESULT_FILE
+    if not await to_thread.run_sync(path.is_file):
+        raise ProblemError(problems.UNKNOWN_JOB, "Somebody removed the result from the service's disk.")
+    return FileResponse(path, media_type=ZIP_TYPE, headers={"Cache-Control": "private, no-store"})
 
 
 @router.delete(

@@ -39,7 +39,6 @@ from server.dependencies import (
     UploadsDep,
     tag_bytes,
 )
-from server.limits import BusyError
 from server.problems import INFERENCE_PREFIX, ProblemError, invalid_field_error, problem_responses
 from server.query_params import (
     EnvmapQuery,
@@ -331,18 +330,15 @@ async def _livez() -> Status:
 
 @operations_router.get(
     "/readyz",
-    summary="Whether the network has answered once and a photo would be taken now",
+    summary="Whether the network has answered once, a photo would be taken now and jobs are worked on",
     responses=problem_responses(503),
 )
 async def _readyz(service: ServiceDep) -> Status:
-    """For a load balancer: 503 while the network loads, and while the queue is full of many clients' requests."""
-    if not service.ready:
-        retry = {"Retry-After": problems.RETRY_SECONDS}
-        raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
-    if service.ending:
-        raise BusyError("The service shuts down.")
-    if service.full:
-        raise BusyError
+    """For a load balancer: 503 while the network loads, while the queue is full of many clients' requests, or jobs wait
+    in vain, as when their disk is full.
+    """
+    if fault := service.find_fault():
+        raise fault
     return Status()
 
 
@@ -366,7 +362,7 @@ async def _answer_live() -> Response:
 @inference_health_router.get("/health/ready")
 async def _answer_ready(service: ServiceDep) -> Response:
     """200 where a photo would be taken, else 503, as /readyz."""
-    return Response(status_code=200 if service.ready and not service.ending and not service.full else 503)
+    return Response(status_code=200 if service.find_fault() is None else 503)
 
 
 @inference_health_router.get("")

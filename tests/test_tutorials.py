@@ -130,7 +130,7 @@ def follow_blender_page(folder: Path, blender: Callable[[list[str]], object]) ->
         blender: runs Blender in the folder, by the words after its name.
     """
     page = LEARN / "blender.md"
-    shutil.copy(ROOT / "examples" / "brick_street.jpg", folder / "photo.jpg")
+    shutil.copy(ROOT / "examples" / "wide_street.jpg", folder / "photo.jpg")
     for name, text in read_saved_files(page).items():
         (folder / name).write_text(text, encoding="utf-8")
     for line in (line for block in read_code_blocks(page.read_text("utf-8")) for line in _commands(block)):

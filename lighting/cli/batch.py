@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -137,9 +138,11 @@ def _choose_out(source: str, out: str | None, output: str | None) -> str:
     return console.choose_folder(str(Path(source)), stated, "-lighting")
 
 
-def _describe_results(name: str) -> str:
-    """How to open the results."""
-    return f"jq . {shlex.quote(name)}" if name.endswith(".jsonl") else "with any reader of Parquet"
+def _describe_results(name: str) -> str | None:
+    """How to open the results; None where this machine has no program for them."""
+    if not name.endswith(".jsonl"):
+        return "with any reader of Parquet"
+    return f"jq . {shlex.quote(name)}" if shutil.which("jq") else None
 
 
 def _holds_unsuitable(results: Path) -> bool:

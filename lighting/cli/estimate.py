@@ -121,6 +121,7 @@ def _estimate(
     stop the others; the exit status is 1 then.
     """
     console.check_stdin(photos)
+    console.check_not_written(photos, output, console.RECORD_SUFFIXES)
     _check_together(len(photos), user_input, **taken_together)
     _warn_unregistered(quiet, **taken_together)
     if output == "-":

@@ -6,11 +6,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from datetime import datetime
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 
-from lighting.cli.console import MAPS, OutputKind, print_estimate
+from lighting.cli.console import MAPS, OutputKind, is_address, print_estimate
 from lighting.errors import EnvironmentMapError, LightingError, ParameterError
 from lighting.sky import SKY_MODELS, format_sky_models
 
@@ -86,6 +87,18 @@ class FileName(click.ParamType):  # type: ignore[type-arg]  # as above
 
     name = "file"
 
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name; BadParameter for an address in the web.
+
+        Args:
+            value: as the user typed it.
+            param: of click.
+            ctx: of click.
+        """
+        if is_address(value):
+            self.fail(f"{value} is an address; download it, and give the name of the file.", param, ctx)
+        return value
+
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":  # noqa: ARG002
         """Have the shell complete names of files.
 
@@ -108,6 +121,15 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
     @property
     def choices(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(self.names())
+
+    def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:  # noqa: ARG002
+        """Return what to type where an option is missing, such as "Type --for and one of blender, usd."
+
+        Args:
+            param: of click.
+            ctx: of click.
+        """
+        return f"Type {param.opts[0]} and one of {', '.join(self.choices)}."
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Read a name; BadParameter for another one, with a similar one if there is any.
@@ -165,6 +187,12 @@ def _compressions() -> Iterable[str]:
     return COMPRESSIONS
 
 
+_FILE_SUFFIXES = (  # in which no folder's name ends
+    ".exr", ".hdr", ".png", ".jpg", ".jpeg", ".json", ".jsonl", ".csv", ".parquet", ".zip", ".mp4", ".mov", ".py",
+    ".blend", ".usd", ".usda", ".usdc", ".usdz", ".gltf", ".glb", ".fbx", ".obj", ".tscn", ".xml",
+)  # fmt: skip
+
+
 def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
     """Refuse what names no folder, as an empty variable of a shell, which would be the current one.
 
@@ -177,6 +205,8 @@ def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str | 
         raise click.BadParameter("the name of the folder is empty.")
     if name == "-":
         raise click.BadParameter("the results are a folder, which stdout cannot be.")
+    if name and (path := Path(name)).suffix.lower() in _FILE_SUFFIXES and not path.exists():
+        raise click.BadParameter(f"the results are a folder, and {name} is a file's name; try {path.with_suffix('')}.")
     return name
 
 

@@ -41,7 +41,7 @@ def process_photos(
     ctx: click.Context,
     chosen: PhotoOptions,
     work: Callable[[int, EstimatedPhoto], list[str]],
-    how_to_open: Callable[[str], str] = console.open_command,
+    how_to_open: Callable[[str], str | None] = console.open_command,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> None:
     """Estimate the light of each photo, work on it, say what was written, and end the command with its status.

@@ -78,12 +78,16 @@ def _video(
     clip's metadata and from DJI's subtitles beside it, unless given here. The exit status is 1 where part of the clip
     has no answer.
     """
+    from lighting.batch.results import PHOTO_SUFFIXES
     from lighting.errors import VideoError
     from lighting.model import Model
     from lighting.video import output as results
 
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
+    console.check_there(clip)
+    if clip.lower().endswith(PHOTO_SUFFIXES):
+        raise click.UsageError(f"{escape_path(clip)} is a photo: try `lighting envmap {shlex.quote(clip)}`.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
     folder = Path(console.choose_folder(clip, output, "-lighting"))
     job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options))
@@ -107,7 +111,7 @@ def _video(
     ctx.exit(1 if result.failed else strict_status(result.lights, strict))
 
 
-def _how_to_open(folder: str, options: "Json") -> str:
+def _how_to_open(folder: str, options: "Json") -> str | None:
     """How to open the best of what a folder holds."""
     if options["film"]:
         return console.open_command(str(Path(folder, "preview.mp4")))

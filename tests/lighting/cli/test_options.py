@@ -327,7 +327,7 @@ def test_a_bad_output_is_refused_before_any_work(command: list[str], tmp_path: P
     (tmp_path / "device.png").symlink_to("/dev/null")
     for name, sentence in (
         ("a.gif", "must end in "),
-        ("a", "must end in "),
+        ("a", "There is no folder "),
         ("device.png", "is a pipe or a device, not a file."),
         ("absent/a.png", "There is no folder "),
     ):
