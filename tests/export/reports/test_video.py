@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -32,8 +33,6 @@ from lighting.video.observation import observe_shots
 from lighting.video.shot import solve_shot
 from lighting.video.tracking import ClipMetadata
 from tests.helpers.clips import FOV, SIZE, panorama
-
-cv2 = pytest.importorskip("cv2")
 
 COUNT = round(CLIP_RATE * CLIP_SECONDS)
 

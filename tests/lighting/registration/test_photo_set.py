@@ -4,6 +4,7 @@ import sys
 import time
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,7 +24,6 @@ from lighting.registration.rotations import camera_from_world
 from lighting.registration.two_view import detect_features
 from tests.helpers.cameras import Camera, picture, texture
 
-cv2 = pytest.importorskip("cv2")
 FOV = 52.0
 
 
