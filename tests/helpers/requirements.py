@@ -45,7 +45,7 @@ def _find_module(name: str) -> str | None:
     spec = PathFinder.find_spec(package)
     if spec and part:
         spec = PathFinder.find_spec(name, spec.submodule_search_locations)
-    return spec and (spec.origin or name)
+    return (spec.origin or name) if spec else None
 
 
 def _find_program(*names: str) -> str | None:

@@ -167,7 +167,7 @@ def test_every_engine_sees_the_same_irradiance(irradiance: Any) -> None:
 def test_threejs_and_babylon_have_that_irradiance() -> None:
     program, script = require("node"), Path(require("tests/node")).with_name("light_probe.cjs")
     data = {name: written(name) for name in ("threejs", "babylon")} | {"normals": UNIT_NORMALS.tolist()}
-    command = [program, script]
+    command = [program, str(script)]
     result = subprocess.run(command, input=json.dumps(data), capture_output=True, text=True, check=True)
     by_engine = json.loads(result.stdout.splitlines()[-1])
     for name in ("threejs", "babylon"):

@@ -45,7 +45,7 @@ def sunny(tmp_path_factory: pytest.TempPathFactory) -> Panorama:
 
 
 def test_a_camera_sees_what_its_pinhole_does() -> None:
-    picture: Pixels = cv2.GaussianBlur(panorama(), (0, 0), 6.0)
+    picture: Pixels = cv2.GaussianBlur(panorama(), (0, 0), 6.0).astype(np.uint8)
     rays = camera_directions(Pinhole(64, 36, 50.0, 170.0, 12.0, -7.0))  # across the seam
     expected = sample_latlong(picture.astype(np.float32), rays)
     seen = _view_panorama(picture, (170.0, 12.0, -7.0), 50.0, (64, 36))

@@ -86,7 +86,7 @@ def test_packed_floats_end_at_their_largest_value() -> None:
 
 def read_by_node(script: str, file: Path) -> dict[str, Any]:
     """What a script of tests/node prints about a file."""
-    command = [require("node"), Path(require("tests/node")).with_name(script), file]
+    command = [require("node"), str(Path(require("tests/node")).with_name(script)), str(file)]
     done = subprocess.run(command, capture_output=True, check=True)
     return dict(json.loads(done.stdout))
 

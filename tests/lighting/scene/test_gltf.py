@@ -45,7 +45,7 @@ def matrix(item: dict[str, Any]) -> NDArray[Any]:
 
 def validated(file: Path) -> dict[str, Any]:
     """The Khronos validator's report."""
-    command = [require("node"), Path(require("tests/node")).with_name("validate.cjs"), file]
+    command = [require("node"), str(Path(require("tests/node")).with_name("validate.cjs")), str(file)]
     result = subprocess.run(command, capture_output=True, text=True, check=True)
     return dict(json.loads(result.stdout)["issues"])
 
