@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -24,6 +23,7 @@ from scripts.build_image import (
 )
 from scripts.check_image import _resident, check_layer, main
 from scripts.image_process import BrokenPromiseError, Image, _children, expect, healthy
+from tests.helpers.requirements import require
 
 DOCKERFILE = "FROM python:3.11@sha256:0a AS page\nRUN a\nFROM python:3.11 AS venv\nFROM python:3.11\nCMD b\n"
 
@@ -123,10 +123,7 @@ def test_its_label_names_its_base() -> None:
 
 
 def test_hadolint_finds_nothing() -> None:
-    program = shutil.which("hadolint", path=str(Path(sys.executable).parent)) or shutil.which("hadolint")
-    if not program:
-        pytest.skip("hadolint is not installed")
-    result = subprocess.run([program, str(ROOT / "Dockerfile")], capture_output=True, text=True, timeout=60)
+    result = subprocess.run([require("hadolint"), str(ROOT / "Dockerfile")], capture_output=True, text=True, timeout=60)
     assert (result.returncode, result.stdout) == (0, "")
 
 
