@@ -24,7 +24,6 @@ import uvicorn
 from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageOps
 
-from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.estimator import Estimator
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import read_exr
@@ -600,13 +599,8 @@ def estimated_together(files: list[Path]) -> NDArray[np.float32]:
     match, estimator = has_opencv(), Estimator()
     photos = [read_photo(file, target=MAX_SIDE if match else TARGET) for file in files]
     light, photo = estimator.estimate_views(photos, register=match)[-1].lighting, read_photo(files[-1])
-    alone = estimator(photo)
-
-    def finer(side: int) -> NDArray[np.uint8]:
-        return read_photo(files[-1], target=side).pixels
-
-    place = photo_context_for_height(alone, photo.pixels, 512, finer, exposure=light.exposure)
-    return render_view(light, 512, sun=light.sun_shines, context=place)[0]
+    alone = estimator(photo).edit({}, photo_exposure=light.exposure)
+    return alone.replace(lighting=light).envmap(512, sun=light.sun_shines)
 
 
 class TestSeveral:

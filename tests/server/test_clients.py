@@ -12,6 +12,8 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
+import lighting.rendered_map as rendered_map
+import lighting.scene.records as records
 from lighting.envmap.surroundings import render_view
 from lighting.scene import EXPORTERS
 from lighting.scene.records import make_scene
@@ -28,8 +30,11 @@ NODE = ROOT / "tests" / "node"
 @pytest.fixture
 def client(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> TestClient:
     """A client of a service that draws small maps, whatever the size asked for."""
-    monkeypatch.setattr(tasks, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options))
-    monkeypatch.setattr(tasks, "make_scene", lambda *a, **options: make_scene(*a, **{**options, "map_height": 16}))
+    monkeypatch.setattr(
+        rendered_map, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options)
+    )
+    for module in (tasks, records):
+        monkeypatch.setattr(module, "make_scene", lambda *a, **options: make_scene(*a, **{**options, "map_height": 16}))
     return client
 
 

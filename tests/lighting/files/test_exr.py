@@ -610,7 +610,7 @@ def test_maps_in_other_colours_are_what_other_programs_convert(colours: str, tmp
     import PyOpenColorIO
 
     image = np.random.default_rng(5).uniform(0.1, 2.0, (8, 16, 3)).astype(np.float32)
-    write_exr(tmp_path / "a.exr", image, compression="none", colours=colours)
+    write_exr(tmp_path / "a.exr", image, compression="none", colors=colours)
     spaces = {"rec709": "Linear Rec.709 (sRGB)", "acescg": "ACEScg", "linear-p3": "Linear P3-D65"}
     config = PyOpenColorIO.Config.CreateFromBuiltinConfig("cg-config-v2.1.0_aces-v1.3_ocio-v2.3")
     processor = config.getProcessor(spaces["rec709"], spaces[colours]).getDefaultCPUProcessor()
@@ -622,7 +622,7 @@ def test_maps_in_other_colours_are_what_other_programs_convert(colours: str, tmp
     assert picture.spec().getattribute("chromaticities") == pytest.approx(COLOR_SPACES[colours][0])
     assert read_exr(tmp_path / "a.exr")[0] == pytest.approx(image, rel=1e-4, abs=1e-4)
     with pytest.raises(EnvironmentMapError, match="must be one of rec709, acescg, linear-p3"):
-        write_exr(tmp_path / "a.exr", image, colours="srgb")
+        write_exr(tmp_path / "a.exr", image, colors="srgb")
 
 
 @pytest.mark.parametrize("gain", [1.0, 1e6])
