@@ -141,14 +141,16 @@ def check_settings(existing: bytes | None, settings: dict[str, object], has_resu
         has_results: whether the folder holds any.
         out: the folder, for the error.
     """
+    try:
+        earlier = dict(json.loads(existing or b"{}"))
+    except (ValueError, TypeError, RecursionError):
+        earlier = {}
     if not has_results:
+        if existing is not None and earlier.keys().isdisjoint(settings):
+            raise BatchError(f"{out} holds a {SETTINGS} that no batch wrote; choose another folder, or --overwrite.")
         return
     if existing is None:
         raise BatchError(f"{out} holds results, but no {SETTINGS}; choose another folder, or --overwrite.")
-    try:
-        earlier = dict(json.loads(existing))
-    except (ValueError, TypeError):
-        earlier = {}
     changed = ", ".join(name for name in settings if earlier.get(name) != settings[name])
     if changed:
         raise BatchError(f"{out} holds results of other settings ({changed}); choose another folder, or --overwrite.")

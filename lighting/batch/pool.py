@@ -26,7 +26,7 @@ from typing import Generic, TypeVar
 from lighting.batch import job as jobs
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE, Journal, check_table, has_lights, open_journal
 from lighting.errors import BatchError, EnvironmentMapError
-from lighting.files import atomic_write, stale_temporaries
+from lighting.files import atomic_write, escape_undecodable, is_own_map, stale_temporaries
 from lighting.records import json_line
 from lighting.runtime import ONE_THREAD
 from lighting.tracing import Step, listen_to_steps, report_step
@@ -41,6 +41,8 @@ MAP_NAME_ERRORS = {  # why the system takes no map of a photo's name, where that
     errno.ENAMETOOLONG: "The photo's name is too long for a map of that name.",
     errno.EISDIR: "A folder in the results has the name of the photo's map.",
 }
+
+FOREIGN_MAP = "A file in the results has the name of the photo's map, and is none."
 
 _AHEAD = 2  # items that a worker holds, so that it never waits for the next one
 _ATTEMPTS = 2  # workers that an item may kill before it is given up
@@ -78,9 +80,9 @@ def open_batch(job: jobs.BatchJob, *, overwrite: bool = False) -> Iterator[Journ
 
 
 def _has_results(out: Path) -> bool:
-    """Whether a folder holds the light of a photo, by either engine, or, without settings, any line."""
+    """Whether a folder holds the light of a photo, by either engine, or, without settings, any line or table."""
     journal, parts = out / JOURNAL, out / TABLE
-    if parts.is_dir() and any(parts.iterdir()):
+    if (parts.is_dir() and any(parts.iterdir())) or (parts.is_file() and not (out / SETTINGS).exists()):
         return True
     if not journal.exists():
         return False
@@ -97,13 +99,14 @@ def run_pool(job: jobs.BatchJob, names: Sequence[str], journal: Journal, workers
         journal: open.
         workers: number of processes.
     """
-    missing = [name for name in names if name not in journal.names]
+    missing = [name for name in names if escape_undecodable(name) not in journal.names]
     _remove_temporaries(job, missing)
     for name, result in _map_in_processes(missing, partial(_prepare, job), min(workers, len(missing))):
-        line, failed, steps = result or (json_line(name, WORKER_DIED), True, [])
+        written = escape_undecodable(name)
+        line, failed, steps = result or (json_line(written, WORKER_DIED), True, [])
         for step in steps:
             report_step(step)
-        journal.append(name, line, failed=failed)
+        journal.append(written, line, failed=failed)
         yield name
 
 
@@ -122,12 +125,12 @@ def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool, list[Step]]
     estimator = jobs.load_worker_estimator(job)
 
     def work(name: str) -> tuple[str, bool]:
-        answer = jobs.estimate_or_error(estimator, Path(job.source, name), job)
+        answer, written = jobs.estimate_or_error(estimator, Path(job.source, name), job), escape_undecodable(name)
         if isinstance(answer, str):
-            return json_line(name, answer), True
+            return json_line(written, escape_undecodable(answer)), True
         if job.maps and (sentence := _write_map(Path(job.out, job.maps.file_name(name)), answer, job.maps)):
-            return json_line(name, sentence), True
-        return json_line(name, answer.lighting, answer.probe, crop=answer.crop), False
+            return json_line(written, sentence), True
+        return json_line(written, answer.lighting, answer.probe, crop=answer.crop), False
 
     def timed(name: str) -> tuple[str, bool, list[Step]]:
         steps: list[Step] = []
@@ -138,9 +141,11 @@ def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool, list[Step]]
 
 
 def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOutput) -> str | None:
-    """Write a map, or say why the system takes none of that name; raises EnvironmentMapError for other failures."""
+    """Write a map, or say why there can be none of that name; raises EnvironmentMapError for other failures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
+        if path.is_file() and not is_own_map(path.open("rb")):
+            return FOREIGN_MAP
         assert answer.rendered is not None
         answer.rendered.write(path, maps.file, consume=True)
     except EnvironmentMapError as error:

@@ -15,6 +15,7 @@ from time import monotonic
 from typing import Any
 
 from lighting.batch import job as jobs
+from lighting.batch.pool import FOREIGN_MAP
 from lighting.batch.results import (
     JOURNAL,
     PHOTO_SUFFIXES,
@@ -27,6 +28,7 @@ from lighting.batch.results import (
     table_schema,
 )
 from lighting.errors import BatchError, MissingExtraError, require_extra
+from lighting.files import escape_undecodable, is_own_map
 from lighting.photo.tags import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.records import Json
 
@@ -87,7 +89,7 @@ def run_ray(
     filesystem, out = _filesystem_at(job.out)
     _open_results(filesystem, out, job, overwrite)
     earlier = _failed_by_name(filesystem, f"{out}/{TABLE}")
-    missing = [name for name in names if name not in earlier]
+    missing = [name for name in names if escape_undecodable(name) not in earlier]
     if missing:
         with _connected(address):
             _map_photos(job, missing, workers, progress)
@@ -110,8 +112,8 @@ class _PhotoActor:
         answer = jobs.estimate_or_error(self.estimator, photo["bytes"], self.job, sidecar)
         if isinstance(answer, str):
             return table_row(name, answer)
-        if self.job.maps:
-            _write_map(self.job, name, answer)
+        if self.job.maps and (sentence := _write_map(self.job, name, answer)):
+            return table_row(name, sentence)
         row = table_row(name, answer.lighting, answer.crop, answer.probe.to_dict())
         if row["utc_time"] is not None:
             row["utc_time"] = row["utc_time"].isoformat()  # Ray would pickle it; the schema makes a time of it
@@ -193,7 +195,8 @@ def _open_results(filesystem: Any, out: str, job: jobs.BatchJob, overwrite: bool
     if not overwrite:
         jobs.check_settings(existing, new, _has_results(filesystem, out), job.out)
     elif parts.type is FileType.Directory:
-        filesystem.delete_dir(parts.path)
+        for part in _part_files(filesystem, parts.path):
+            filesystem.delete_file(part)
     elif parts.is_file:
         filesystem.delete_file(parts.path)
     filesystem.create_dir(f"{out}/{TABLE}", recursive=True)
@@ -211,30 +214,41 @@ def _has_results(filesystem: Any, out: str) -> bool:
     return journal.is_file and has_lights(filesystem.open_input_file(journal.path).read().splitlines(keepends=True))
 
 
+def _part_files(filesystem: Any, parts: str) -> list[str]:
+    """The paths of the files that Ray wrote to a folder, whole or not; others may lie there, too."""
+    from pyarrow.fs import FileSelector
+
+    files = [info for info in filesystem.get_file_info(FileSelector(parts)) if info.is_file]
+    return [info.path for info in files if info.extension == "parquet"]
+
+
 def _failed_by_name(filesystem: Any, parts: str) -> dict[str, bool]:
     """The photos in complete part files, and whether each failed; an incomplete part file is deleted."""
     from pyarrow import ArrowInvalid
-    from pyarrow.fs import FileSelector
     from pyarrow.parquet import read_table
 
     failures: dict[str, bool] = {}
-    for file in filesystem.get_file_info(FileSelector(parts)):
+    for part in _part_files(filesystem, parts):
         try:
-            table = read_table(file.path, columns=["file", "error"], filesystem=filesystem)
+            table = read_table(part, columns=["file", "error"], filesystem=filesystem)
         except ArrowInvalid:
-            filesystem.delete_file(file.path)
+            filesystem.delete_file(part)
             continue
         failed = (error is not None for error in table["error"].to_pylist())
         failures.update(zip(table["file"].to_pylist(), failed, strict=True))
     return failures
 
 
-def _write_map(job: jobs.BatchJob, name: str, answer: jobs.PhotoLight) -> None:
+def _write_map(job: jobs.BatchJob, name: str, answer: jobs.PhotoLight) -> str | None:
+    """Write a map, or say why there can be none of that name."""
     assert job.maps
     assert answer.rendered
     filesystem, out = _filesystem_at(job.out)
     target = f"{out}/{job.maps.file_name(name)}"
+    if filesystem.get_file_info(target).is_file and not is_own_map(filesystem.open_input_stream(target)):
+        return FOREIGN_MAP
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
     with filesystem.open_output_stream(f"{target}.part") as stream:
         stream.write(answer.rendered.encode(job.maps.file, consume=True))
     filesystem.move(f"{target}.part", target)
+    return None

@@ -19,7 +19,7 @@ from types import NoneType, UnionType
 from typing import Any, BinaryIO, get_args, get_origin
 
 from lighting.errors import BatchError, ParameterError, require_extra
-from lighting.files import MAP_FORMATS, atomic_write
+from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable
 from lighting.photo.linear import RAW_SUFFIXES
 from lighting.records import Json, Lighting
 
@@ -40,14 +40,18 @@ class Journal:
         """
         self.names: set[str] = set()
         self.failed = 0
+        self.ragged = False  # whether there is something else between the lines
         self._file = file
-        kept = end = 0
-        for record, line in _first(_whole_lines(file)):
-            self._count(record["file"], "error" in record)
-            kept += len(line)
-            end = file.tell()
+        end = 0
+        for line in file:
+            if not line.endswith(b"\n"):
+                break  # what a killed batch or a power cut left
+            end += len(line)
+            if (record := _record(line)) is None or escape_undecodable(record["file"]) in self.names:
+                self.ragged = True
+            else:
+                self._count(escape_undecodable(record["file"]), "error" in record)
         file.truncate(end)
-        self.ragged = kept < end  # whether there is something else between the lines
 
     def append(self, name: str, line: str, *, failed: bool) -> None:
         """Add a photo's line and flush it to the operating system, so that killing this process does not lose it.
@@ -76,7 +80,8 @@ class Journal:
 def open_journal(path: Path) -> Iterator[Journal]:
     """Open the journal in a file, which is created if it does not exist.
 
-    The lines of photos that failed are removed, so that these photos are tried again, and so is what is no line.
+    The lines of photos that failed are removed, so that these photos are tried again. What somebody else wrote between
+    the lines moves to a file of that name with `.removed`.
 
     Args:
         path: the file.
@@ -97,16 +102,33 @@ def open_journal(path: Path) -> Iterator[Journal]:
 
 @contextmanager
 def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
-    """A locked file with the lines of photos that did not fail alone, which has replaced the first one."""
+    """A locked file with the first line of each photo that did not fail alone, which has replaced the first one."""
     file.seek(0)
     with ExitStack() as stack:
         with atomic_write(path) as temporary:
             rest = stack.enter_context(temporary.open("a+b"))
             _lock(rest, path)
-            rest.writelines(line for _, line in _first(pair for pair in _whole_lines(file) if "error" not in pair[0]))
+            rest.writelines(_sort_lines(file, path))
             rest.flush()
         rest.seek(0)
         yield rest
+
+
+def _sort_lines(file: Iterable[bytes], path: Path) -> Iterator[bytes]:
+    """The lines that stay; those that no batch wrote are appended to the file with `.removed`."""
+    names, removed = set[str](), list[bytes]()
+    for line in file:
+        record = _record(line)
+        if record and "error" in record:
+            continue
+        if record and record["file"] not in names:
+            names.add(record["file"])
+            yield line
+        elif line.strip(b"\0\r\n"):
+            removed.append(line)
+    if removed:
+        with path.with_name(f"{path.name}.removed").open("ab") as others:
+            others.writelines(removed)
 
 
 def has_lights(lines: Iterable[bytes]) -> bool:
@@ -115,23 +137,7 @@ def has_lights(lines: Iterable[bytes]) -> bool:
     Args:
         lines: each with its end.
     """
-    return any("error" not in record for record, _ in _whole_lines(lines))
-
-
-def _whole_lines(lines: Iterable[bytes]) -> Iterator[tuple[Json, bytes]]:
-    """The records in whole lines, with these."""
-    for line in lines:
-        if (record := _record(line)) is not None:
-            yield record, line
-
-
-def _first(pairs: Iterable[tuple[Json, bytes]]) -> Iterator[tuple[Json, bytes]]:
-    """Of records with their lines the first one of each photo."""
-    names: set[str] = set()
-    for record, line in pairs:
-        if record["file"] not in names:
-            names.add(record["file"])
-            yield record, line
+    return any("error" not in record for line in lines if (record := _record(line)))
 
 
 def _read_records(path: Path) -> Iterator[Json]:
@@ -141,13 +147,14 @@ def _read_records(path: Path) -> Iterator[Json]:
 
 
 def _record(line: bytes) -> Json | None:
-    """The record in a line; None for an incomplete one."""
+    """The record in a line; None for an incomplete one, and for what no batch writes."""
     try:
         record = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     named = isinstance(record, dict) and isinstance(record.get("file"), str)
-    return record if named and line.endswith(b"\n") else None
+    answers = named and isinstance(record.get("error", ""), str) and isinstance(record.get("lighting", {}), dict)
+    return record if answers and line.endswith(b"\n") else None
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
@@ -172,8 +179,7 @@ def table_row(
         crop: the fields of its PhotoCrop; None where the whole picture is the photo.
         probe: the record's `light_probe`; None where it has none.
     """
-    file = name.encode(errors="backslashreplace").decode()  # file names need not be Unicode, Parquet's text must be
-    beside = {"crop": crop, "light_probe": probe}
+    file, beside = escape_undecodable(name), {"crop": crop, "light_probe": probe}
     if isinstance(light, str):
         return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting)), **beside}
     return {"file": file, "error": None, **asdict(light), **beside}
@@ -252,9 +258,16 @@ def read_suitable(results: Path) -> Iterator[float | None]:
 
     Args:
         results: a JOURNAL or a TABLE.
+
+    Raises:
+        BatchError: somebody edited a line of the journal, whose number the error has.
     """
     if results.name == JOURNAL:
-        yield from (record.get("lighting", {}).get("suitable") for record in _read_records(results))
+        for number, record in enumerate(_read_records(results), start=1):
+            share = record.get("lighting", {}).get("suitable")
+            if share is not None and not (isinstance(share, int | float) and 0 <= share <= 1):
+                raise BatchError(f"{results}, line {number}: suitable is not what a batch writes.")
+            yield share
         return
     from pyarrow.parquet import read_table
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.fields import describe_fields
@@ -28,7 +28,12 @@ if TYPE_CHECKING:
     from lighting.light_probe import LightProbe
     from lighting.records import Lighting
 
+_HEAD_BYTES, _OWN_MARKS = (
+    1 << 16,
+    (b"outdoor-lighting", b"lighting.json"),
+)  # of a file, and what is in ours
 _RANDOM_BYTES = 8  # in a temporary name
+_HALF = re.compile("[\ud800-\udc7f\udd00-\udfff]")  # halves of surrogate pairs that stand for no byte of a name
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,14 +80,16 @@ def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | No
     """The map as the photo's exposure shows it, clipped at white."""
     import numpy as np
     from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
 
     from lighting.color import tone_map
-    from lighting.files.exr import check_envmap, open_target, row_bands
+    from lighting.files.exr import SOFTWARE, check_envmap, open_target, row_bands
 
     rows = [tone_map(band) for band in row_bands(check_envmap(image))]
-    picture = Image.fromarray(np.concatenate(rows))
+    picture, mark = Image.fromarray(np.concatenate(rows)), PngInfo()
+    mark.add_text("Software", SOFTWARE)
     with open_target(target) as stream:
-        picture.save(stream, format="png")
+        picture.save(stream, format="png", pnginfo=mark)
 
 
 MAP_FORMATS: dict[str, _MapFormat] = {  # by the suffix of a file, without its dot
@@ -213,6 +220,17 @@ def _write_map(
     packed = {"compression": options.compression, "overwrite": overwrite} if entry.takes_compression else {}
     headed = {"probe": probe, "colors": options.colors} if entry.has_header else {}
     entry.write(target, image, lighting, **packed, **headed)
+
+
+def is_own_map(file: BinaryIO) -> bool:
+    """Tell whether a map is of this program, by its header: no other is replaced or removed unasked.
+
+    Args:
+        file: open to read; it is closed.
+    """
+    with file:
+        head = file.read(_HEAD_BYTES)
+    return any(mark in head for mark in _OWN_MARKS)
 
 
 def check_map_name(path: str | os.PathLike[str]) -> str:
@@ -356,4 +374,5 @@ def escape_undecodable(name: str) -> str:
     Args:
         name: as the user typed it.
     """
-    return os.fsencode(name).decode("utf-8", "backslashreplace")
+    halves = name.encode("utf-8", "backslashreplace") if _HALF.search(name) else os.fsencode(name)
+    return halves.decode("utf-8", "backslashreplace")

@@ -2,8 +2,9 @@
 
 import json
 import os
+import re
 import shutil
-import tempfile
+import sys
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -25,6 +26,8 @@ from lighting.records import record_with_coefficients
 from lighting.scene import ENVIRONMENT, EXPORTERS, GROUND, LIT_GROUND, PLATE, RECORD
 from lighting.scene.records import Scene
 
+_PREFIX = ".lighting-scene-"  # of temporary folders
+_TEMPORARY = re.compile(rf"{re.escape(_PREFIX)}[0-9a-f]{{16}}")
 _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
 
 
@@ -180,14 +183,47 @@ def _check_listed(tool: str, written: set[str]) -> None:
 
 @contextmanager
 def _temporary_folder(target: Path) -> Iterator[Path]:
-    """A temporary folder next to the target, removed at the end unless it was renamed."""
-    name = tempfile.mkdtemp(prefix=".", dir=target.parent)
-    built = Path(name)
-    built.chmod(0o755)
+    """A temporary folder next to the target, removed at the end unless it was renamed; also what killed ones left."""
+    built = target.parent / f"{_PREFIX}{os.urandom(8).hex()}"
+    built.mkdir()  # with the permissions of any folder that the process makes
+    lock = _lock_folder(built)
     try:
+        _remove_leftovers(built)
         yield built
     finally:
-        shutil.rmtree(name, ignore_errors=True)
+        shutil.rmtree(built, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+def _remove_leftovers(built: Path) -> None:
+    """Remove older temporary folders beside one that no process locks, unless they hold what is no scene's."""
+    names = {name for entry in EXPORTERS.values() for name in entry.files}
+    for path in built.parent.glob(f"{_PREFIX}*"):
+        if not _TEMPORARY.fullmatch(path.name) or (lock := _lock_folder(path)) is None:
+            continue
+        is_older = path.stat().st_mtime < built.stat().st_mtime - 1.0  # another may have made it and not locked it yet
+        if is_older and {file.relative_to(path).as_posix() for file in path.rglob("*") if not file.is_dir()} <= names:
+            shutil.rmtree(path, ignore_errors=True)
+        os.close(lock)
+
+
+def _lock_folder(folder: Path) -> int | None:
+    """The descriptor that locks a folder, which ends with the process; None where another has it, or on Windows."""
+    if sys.platform == "win32":
+        return None
+    import fcntl
+
+    try:
+        lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        return None
+    return lock
 
 
 def _check_other_scenes(source: Path, target: Path, tool: str) -> None:

@@ -35,9 +35,8 @@ from lighting.envmap.latlong import Image
 from lighting.envmap.relighting import radiance_gain, rotate_envmap, rotate_lighting, scale_exposure
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
-from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
-from lighting.files import atomic_write, encode_png, escape_undecodable, write_envmap
-from lighting.files.exr import read_exr_attributes
+from lighting.errors import ErrorCode, SceneError, VideoError
+from lighting.files import atomic_write, encode_png, escape_undecodable, is_own_map, write_envmap
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
 from lighting.light_probe import compute_light_probe
@@ -558,17 +557,10 @@ def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> No
     named = [p for p in job.folder.glob("shot-*.exr") if _SHOT_MAP_NAME.fullmatch(p.name)]
     named += [p for p in (job.folder / FRAMES_FOLDER).glob("*.exr") if _FRAME_MAP_NAME.fullmatch(p.name)]
     for path in (p for p in named if p.name not in shots | written):
-        if path.is_file() and not path.is_symlink() and _is_ours(path):
+        if path.is_file() and not path.is_symlink() and is_own_map(path.open("rb")):
             path.unlink()
     with suppress(OSError):  # it holds files that are none of ours, or is not there
         (job.folder / FRAMES_FOLDER).rmdir()
-
-
-def _is_ours(path: Path) -> bool:
-    try:
-        return "lighting.json" in read_exr_attributes(path)
-    except EnvironmentMapError:
-        return False
 
 
 def _write_scenes(job: VideoJob, maps: dict[int, _KeptMap], rate: float) -> dict[int, tuple[str, ...]]:

@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import ExifTags, Image
 
-from lighting.batch.pool import _block_interrupts, _dismiss, _map_in_processes, _start
+from lighting.batch.pool import FOREIGN_MAP, _block_interrupts, _dismiss, _map_in_processes, _start
 from lighting.batch.results import find_photos
 from lighting.cli import cli
 from lighting.errors import BatchError, ModelError
@@ -237,6 +237,38 @@ def test_a_journal_without_settings_is_refused(photos: Path, tmp_path: Path, net
     assert result.exit_code == 1
     assert "holds results, but no batch.json" in result.stderr
     assert (tmp_path / "lighting.jsonl").read_text() == "somebody's\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "words"), [("batch.json", "no batch wrote"), ("lighting.parquet", "but no batch.json")]
+)
+def test_files_of_the_user_s_are_not_replaced_unasked(
+    photos: Path, tmp_path: Path, network: Path, name: str, words: str
+) -> None:
+    (tmp_path / name).write_text('{"mine": 1}')
+    result = run_batch(photos, tmp_path, "--model", network)
+    assert result.exit_code == 1
+    assert words in result.stderr
+    assert (tmp_path / name).read_text() == '{"mine": 1}'
+
+
+@pytest.mark.slow
+def test_a_file_of_the_user_s_is_no_photo_s_map(tmp_path: Path, network: Path) -> None:
+    """Also with --overwrite, which discards results alone; a map of an earlier run is replaced."""
+    folder, out = tmp_path / "photos", tmp_path / "out"
+    folder.mkdir()
+    for name in (os.fsdecode(b"caf\xe9.jpg"), "b.jpg"):
+        (folder / name).write_bytes(encode(scene(64, 64)))
+    options = ("--envmap", "--height", 16, "--model", network)
+    assert run_batch(folder, out, *options).exit_code == 0
+    assert run_batch(folder, out, *options).exit_code == 0  # both are known again
+    assert "\\ud" not in (out / "lighting.jsonl").read_text()
+    (out / "b.jpg.exr").write_text("mine")
+    assert run_batch(folder, out, *options, "--overwrite").exit_code == 1
+    errors = {record["file"]: record.get("error") for record in read_records(out)}
+    assert errors == {"b.jpg": FOREIGN_MAP, "caf\\xe9.jpg": None}
+    assert (out / "b.jpg.exr").read_text() == "mine"
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from lighting.batch.results import (
     count_skipped,
     find_photos,
     open_journal,
+    read_suitable,
     require_parquet,
     table_row,
     table_schema,
@@ -121,6 +122,39 @@ def test_what_stands_behind_a_damaged_line_is_not_lost(path: Path, damage: bytes
     assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
 
 
+def test_what_somebody_wrote_into_a_journal_is_kept_aside(path: Path) -> None:
+    first, second = fill(path).splitlines(keepends=True)
+    again = json.dumps({"file": "a.jpg", "lighting": {"mine": 1}}).encode() + b"\n"
+    foreign = [
+        *(b"# seen with Anna\n", again, b'{"file": "c.jpg", "lighting": []}\n', b'{"file": "d.jpg", "error": 5}\n'),
+        b"[" * 60_000 + b"\n",
+    ]
+    path.write_bytes(first + b"".join(foreign) + second + b"\n")
+    with open_journal(path) as journal:
+        assert journal.names == {"a.jpg", "b/ä.jpg"}
+    assert path.read_bytes() == first + second
+    removed = path.with_name("lighting.jsonl.removed")
+    assert removed.read_bytes() == b"".join(foreign)
+    path.write_bytes(first + b"more\n")
+    with open_journal(path):
+        pass
+    assert removed.read_bytes() == b"".join(foreign) + b"more\n"
+
+
+def test_names_with_half_a_character_are_known_again(path: Path) -> None:
+    """As earlier versions wrote them, and as somebody may."""
+    path.write_text('{"file": "caf\\udce9.jpg", "lighting": {}}\n{"file": "a\\ud800.jpg", "lighting": {}}\n')
+    with open_journal(path) as journal:
+        assert journal.names == {"caf\\xe9.jpg", "a\\ud800.jpg"}
+
+
+@pytest.mark.parametrize("share", ["0.5", [], "x", 2, -1, {"a": 1}])
+def test_a_share_that_somebody_edited_is_named(path: Path, share: object) -> None:
+    path.write_text(f"{LINES[0]}\n{json.dumps({'file': 'b.jpg', 'lighting': {'suitable': share}})}\n")
+    with pytest.raises(BatchError, match="line 2: suitable is not what a batch writes"):
+        list(read_suitable(path))
+
+
 def test_clear_forgets_everything(path: Path) -> None:
     fill(path)
     with open_journal(path) as journal:
@@ -173,7 +207,7 @@ def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -
     (folder / os.fsdecode(b"caf\xe9.jpg")).write_bytes(encode(scene(64, 64)))
     assert run_batch(folder, tmp_path / "out", "--parquet", "--model", network).exit_code == 0
     (row,) = read_table(tmp_path / "out" / "lighting.parquet").to_pylist()
-    assert row["file"] == "caf\\udce9.jpg"
+    assert row["file"] == "caf\\xe9.jpg"
 
 
 @pytest.mark.slow
@@ -245,7 +279,7 @@ def test_the_strength_of_the_light_has_columns_of_its_own() -> None:
 @pytest.fixture
 def ray_job(tmp_path: Path, network: Path) -> BatchJob:
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "batch.json").write_text("{}\n")
+    (tmp_path / "out" / "batch.json").write_text('{"engine": "pool"}\n')
     return BatchJob(str(tmp_path), str(tmp_path / "out"), str(network), engine="ray")
 
 

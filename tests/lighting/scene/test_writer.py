@@ -1,7 +1,9 @@
 """Scenes as folders and archives: whole or not at all, and nobody else's files."""
 
+import fcntl
 import inspect
 import json
+import os
 import subprocess
 import sys
 import zipfile
@@ -38,6 +40,40 @@ def test_a_new_folder_holds_the_scene_alone(tmp_path: Path) -> None:
     }
     assert np.array_equal(np.asarray(Image.open(tmp_path / "out" / "plate.png")), PLAIN)
     assert (tmp_path / "out").stat().st_mode & 0o777 == 0o755
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has neither")
+def test_a_scene_has_the_process_s_permissions_and_removes_what_killed_ones_left(tmp_path: Path) -> None:
+    left = [tmp_path / f".lighting-scene-{number:016x}" for number in range(3)]
+    for folder in left:
+        folder.mkdir()
+        (folder / "plate.png").touch()
+    (left[1] / "letter.txt").touch()
+    for folder in left:
+        os.utime(folder, (0, 0))
+    alive = os.open(left[2], os.O_RDONLY)
+    fcntl.flock(alive, fcntl.LOCK_EX)  # as a process that still writes
+    before = os.umask(0o027)
+    try:
+        write_scene(plain_scene(), "mitsuba", tmp_path / "out")
+    finally:
+        os.umask(before)
+        os.close(alive)
+    assert (tmp_path / "out").stat().st_mode & 0o777 == 0o750
+    assert sorted(path.name for path in tmp_path.iterdir()) == [left[1].name, left[2].name, "out"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no SIGKILL")
+def test_a_killed_scene_leaves_nothing_for_long(tmp_path: Path) -> None:
+    code = "import os, signal\nfrom lighting.scene import writer\nfrom tests.helpers.scenes import plain_scene\n"
+    code += "writer._check_listed = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
+    code += f"writer.write_scene(plain_scene(), 'mitsuba', {str(tmp_path / 'out')!r})"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
+    (left,) = tmp_path.iterdir()
+    os.utime(left, (0, 0))
+    write_scene(plain_scene(), "mitsuba", tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
 def test_overwriting_replaces_the_scene_and_nothing_else(tmp_path: Path) -> None:
