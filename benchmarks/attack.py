@@ -2,6 +2,7 @@
 
     python -m benchmarks.attack [--seconds 180] [--clients 64] [--hostile 64] [--caddy caddy]
     python -m benchmarks.attack --costs
+    python -m benchmarks.attack --jobs
 
 Innocent clients send a photo each two seconds, every client from a loopback address of its own (Linux has 127.0.0.0/8).
 They run alone, and beside hostile clients, which are of four kinds in equal parts:
@@ -13,6 +14,8 @@ They run alone, and beside hostile clients, which are of four kinds in equal par
 
 Each begins again a second after it is refused or its connection ends. At the end the service gets SIGTERM under attack.
 All this is done on the service itself and behind Caddy with this project's Caddyfile, where `--caddy` names it.
+
+With `--jobs` long jobs are attacked: by one client's 60 uploads, a full disk, folders that somebody removes, and locks.
 
 An innocent answer is right if it is the same to the byte as the first one. `refused` are connections that nobody took,
 as after SIGTERM; `lost` are requests on a connection that ended without an answer. Times are milliseconds.
@@ -32,15 +35,19 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from collections import Counter
 from collections.abc import Callable, Coroutine, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from http.client import HTTPConnection
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from benchmarks.common import ROOT, describe_machine, make_photo
 from benchmarks.load import free_port, processor_time, started, wait_until_answered
+from server.job_store import JOBS_FOLDER
 
 PERIOD = 2.0  # seconds between an innocent client's photos
 PHOTO_SIZE = (640, 480)
@@ -374,6 +381,115 @@ def _ask_once(port: int, request: bytes) -> None:
         answer.read(_content_length(head))
 
 
+@contextmanager
+def _begin_uploads(port: int, _: Path) -> Iterator[None]:
+    """Sixty uploads of one client, of which a byte comes."""
+    head = f"POST /v1/jobs?kind=photos HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Type: application/zip\r\n"
+    with ExitStack() as stack:
+        for _number in range(60):
+            source = ("127.0.2.1", 0)
+            connection = stack.enter_context(socket.create_connection(("127.0.0.1", port), source_address=source))
+            connection.sendall(f"{head}Content-Length: 9\r\n\r\nx".encode())
+        yield
+
+
+@contextmanager
+def _fill_disk(_: int, folder: Path) -> Iterator[None]:
+    """A disk without a byte left."""
+    with (folder / "fill").open("wb", buffering=0) as file, suppress(OSError):
+        while file.write(bytes(4096)):
+            pass
+    yield
+    (folder / "fill").unlink()
+
+
+@contextmanager
+def _remove_folders(_: int, folder: Path) -> Iterator[None]:
+    """Folders of jobs that wait and work are removed, by a shell of the operator's."""
+    yield
+    shutil.rmtree(folder / JOBS_FOLDER)
+
+
+@contextmanager
+def _lock_records(_: int, folder: Path) -> Iterator[None]:
+    """Somebody locks every file, as a shell that reads a table."""
+    import fcntl
+
+    with ExitStack() as stack:
+        for path in [path for path in folder.rglob("*") if path.is_file()]:
+            file = stack.enter_context(path.open("r+b"))
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+
+
+JOB_ATTACKS = {
+    "60 uploads": _begin_uploads,
+    "full disk": _fill_disk,
+    "removed folders": _remove_folders,
+    "locked files": _lock_records,
+}
+SMALL_DISK = 'mount -t tmpfs -o size=32m tmpfs "$1"; shift; exec "$@"'  # in a namespace of the service's own
+
+
+def attack_jobs(photo: bytes) -> None:
+    """Attack long jobs, one way after another; print what innocent clients get meanwhile, and of a job afterwards."""
+    print(f"{'':<18}{'/livez ms':>10}{'photo':>7}{'job':>5}{'afterwards':>12}   /readyz meanwhile")
+    with tempfile.TemporaryDirectory() as name:
+        service = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-ec", SMALL_DISK, "sh", name]
+        service += [sys.executable, "-m", "server"]
+        with started(service, "/readyz", 32, {"LIGHTING_JOBS_FOLDER": name}) as (port, process):
+            folder = Path(f"/proc/{process.pid}/root{name}")
+            for kind, begin in JOB_ATTACKS.items():
+                with begin(port, folder):
+                    job, first = _submit_job(port, photo)
+                    slowest = max(_time_livez(port) for _ in range(20))
+                    answer, _ = _call(port, "POST", "/v1/lighting", photo, "image/jpeg")
+                    ready, detail = _call(port, "GET", "/readyz")
+                _, last = _submit_job(port, photo)
+                ended = _wait_for_job(port, last) if last else "refused"
+                for address in filter(None, (first, last)):
+                    _call(port, "DELETE", address)
+                told = f"{ready} {detail.get('detail', '')}"
+                print(f"{kind:<18}{1000 * slowest:>10.0f}{answer:>7}{job:>5}{ended:>12}   {told}", flush=True)
+
+
+def _time_livez(port: int) -> float:
+    """Seconds until the process says that it lives."""
+    time.sleep(0.1)
+    began = time.monotonic()
+    _call(port, "GET", "/livez")
+    return time.monotonic() - began
+
+
+def _submit_job(port: int, photo: bytes) -> tuple[int, str]:
+    """The status of the answer to a job of one photo, and its address."""
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("photo.jpg", photo)
+    status, record = _call(port, "POST", "/v1/jobs?kind=photos", stream.getvalue(), "application/zip")
+    return status, record.get("links", {}).get("self", "")
+
+
+def _wait_for_job(port: int, address: str) -> str:
+    """How a job ended."""
+    until = time.monotonic() + TIMEOUT
+    while time.monotonic() < until:
+        _, record = _call(port, "GET", address)
+        if record.get("state") not in ("queued", "running"):
+            return str(record.get("state", record.get("status")))
+        time.sleep(0.2)
+    return "waits"
+
+
+def _call(port: int, method: str, path: str, body: bytes | None = None, kind: str = "") -> tuple[int, dict[str, Any]]:
+    """Status and JSON of an answer to an innocent client."""
+    connection = HTTPConnection("127.0.0.1", port, timeout=TIMEOUT, source_address=("127.0.1.1", 0))
+    with closing(connection):
+        connection.request(method, path, body, {"Content-Type": kind} if kind else {})
+        answer = connection.getresponse()
+        return answer.status, json.loads(answer.read() or b"{}")
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -382,12 +498,16 @@ def main() -> None:
     parser.add_argument("--hostile", type=int, default=64, help="hostile clients")
     parser.add_argument("--caddy", metavar="PROGRAM", help="measure behind Caddy, too")
     parser.add_argument("--costs", action="store_true", help="print what each route costs, and nothing else")
+    parser.add_argument("--jobs", action="store_true", help="attack long jobs, and nothing else")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         photo = make_photo(Path(folder, "photo.jpg"), PHOTO_SIZE).read_bytes()
     print(f"{describe_machine()}; load {os.getloadavg()[0]:.1f}")
     if options.costs:
         print_costs(photo)
+        return
+    if options.jobs:
+        attack_jobs(photo)
         return
     size = len(photo) / 1e3
     print(f"{options.clients} innocent clients, photos of {size:.0f} kB; {options.hostile} hostile ones\n{HEAD}")

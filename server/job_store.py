@@ -168,6 +168,7 @@ class JobStore:
             OSError: the disk takes no more.
         """
         number = secrets.token_urlsafe(16)
+        await self.sweep()
         self._find_yielding(client)
         self._arriving[number] = client
         try:
