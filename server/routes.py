@@ -17,6 +17,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from pydantic_core import from_json
 
 from lighting import __version__
 from lighting.errors import ErrorCode
@@ -59,6 +60,7 @@ from server.tracing import SERVICE_NAME
 
 _LENGTH_HEADER = "Inference-Header-Content-Length"
 _LENGTH_BYTES = 4  # before each element
+_MAX_DIGITS = 12  # of a length in a header
 _INPUT, _OUTPUT = "photo", "lighting"
 
 _VERSIONED = "/{name}/versions/{version}"
@@ -413,14 +415,14 @@ def _check_model(service: Service, name: str, version: str | None) -> ModelSpec:
 
 def _parse_request(body: bytes, length: str) -> tuple[Json, bytes]:
     """The JSON header of a request, and the photo behind it; ProblemError for another body."""
-    if not length.isdecimal() or int(length) > len(body):
+    if not length.isdecimal() or len(length) > _MAX_DIGITS or int(length) > len(body):
         detail = f"Send the photo as binary data after the JSON, and the JSON's length as {_LENGTH_HEADER}."
         raise ProblemError(problems.UNREADABLE_BODY, detail)
     try:
-        header = json.loads(body[: int(length)])
+        header = from_json(body[: int(length)])  # which refuses half a character, and what is nested too deep
         (tensor,) = header["inputs"]
         fits = (tensor["name"], tensor["datatype"], tensor["shape"]) == (_INPUT, "BYTES", [1])
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         raise ProblemError(problems.UNREADABLE_BODY, "The JSON of the request has no one input.") from error
     data = body[int(length) :]
     if not fits or len(data) < _LENGTH_BYTES or int.from_bytes(data[:4], "little") != len(data) - _LENGTH_BYTES:
