@@ -146,7 +146,7 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
     """
     headings: Any = _heading_fields(posterior)
     instant = _chosen_instant(posterior, prior)
-    conflict = prior.instants.conflict_warnings(instant)
+    conflict = prior.instants.conflict_warnings(instant, posterior.candidate_probability)
     lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
     suitable, warnings = lighting.suitable, (*prior.warnings, *conflict, *posterior.warnings)
     if suitable is not None:

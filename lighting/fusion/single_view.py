@@ -127,6 +127,8 @@ class Posterior:
     """From the first of several photos; None where there is a heading."""
     candidate: tuple[float, float] | None = None
     """Elevation and azimuth [deg] of the likeliest one of time and place."""
+    candidate_probability: float = 0.0
+    """0 to 1, of that one; 0 without time and place."""
     predicted_sun_elevation: float | None = None
     """Deg, by the pixels whose light it has; None: those of `prediction`."""
 
@@ -366,7 +368,8 @@ def posterior_on_rings(prediction: Prediction, observations: Observations, weigh
         sun = SunEstimate(alone.azimuth, alone.elevation, *radii)
         heading = replace(heading, best=heading_from_probability(chosen.sum(axis=0) / chosen.sum()).best)
     camera = _with_lens(prediction, observations)
-    return Posterior(camera, sun, directions, p.ravel(), used, camera_heading=heading, candidate=best)
+    posterior = Posterior(camera, sun, directions, p.ravel(), used, camera_heading=heading)
+    return replace(posterior, candidate=best, candidate_probability=share)
 
 
 def _likeliest_candidate(candidates: Floats, probability: Floats) -> tuple[tuple[float, float], float]:

@@ -41,7 +41,7 @@ from lighting.registration.rotations import (
     rotation_vector,
 )
 from lighting.sun_grid import circular_mean
-from lighting.video.decode import Clip, Gimbal
+from lighting.video.decode import Clip
 from lighting.video.intrinsics import (
     MAX_FOV_STDS,
     MIN_ZOOMED_FRAMES,
@@ -52,6 +52,7 @@ from lighting.video.intrinsics import (
     remove_zoom,
     smooth_parabolic,
 )
+from lighting.video.metadata import Gimbal
 from lighting.video.observation import NETWORK_INTERVAL, FrameObservation, ShotLight, observe_shots
 from lighting.video.tracking import (
     GAP_KEYFRAMES,

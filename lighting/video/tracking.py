@@ -39,7 +39,8 @@ from lighting.registration.two_view import (
     resize_to,
     to_centered,
 )
-from lighting.video.decode import Clip, Frame, Gimbal
+from lighting.video.decode import Clip, Frame
+from lighting.video.metadata import Gimbal
 
 MAX_POINTS = 200  # sought in a keyframe
 MIN_POINTS = 24  # followed, below which a frame counts as lost
