@@ -136,7 +136,8 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
     options = request["options"]
     view = _map_options(options)
     outputs = OutputOptions(options["height"], tool=options["tool"], film=options["preview"], **view)
-    job = VideoJob(Path(request["upload"]), _OUT, _user_input(request), options["every"], outputs)
+    curve = options.get("curve")  # requests of earlier versions have none
+    job = VideoJob(Path(request["upload"]), _OUT, _user_input(request), options["every"], outputs, curve)
     with Clip(job.source) as clip:
         duration = max(clip.info.duration, 1e-3)
     model = Model.load(Path(request["model"]) if request["model"] else None, threads=1)
@@ -245,7 +246,7 @@ MAP_OPTIONS = frozenset({"height", "detail", "sun", "exposure", "haze", "overcas
 JOB_KINDS = {
     "video": _JobKind(
         "a clip",
-        _USER_INPUT | MAP_OPTIONS | {"camera_height", "keep_location", "every", "for", "preview"},
+        _USER_INPUT | MAP_OPTIONS | {"camera_height", "keep_location", "every", "curve", "for", "preview"},
         _process_clip,
     ),
     "photos": _JobKind(

@@ -11,6 +11,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from pydantic import Field, model_validator
 
+from lighting.color import DECODE_CURVES
 from lighting.envmap.relighting import Adjustments
 from lighting.fusion.user_input import UserInput
 from lighting.records import Json
@@ -58,6 +59,9 @@ class _JobQuery(UserInputQuery, AdjustQuery):
         description="; ".join(f"`{name}`: {kind.upload}" for name, kind in JOB_KINDS.items())
     )
     every: Annotated[float, InRange(0.04, 60, description="s; of a clip the network sees a frame this often")] = 0.2
+    curve: Annotated[str | None, RegistryName(DECODE_CURVES), NotNull()] = Field(
+        None, description="of a clip: how it is coded, such as d-log or s-log3; by default as its file says"
+    )
     tool: Annotated[str | None, RegistryName(animated_tools()), NotNull()] = Field(
         None, alias="for", description="of a clip: also a scene for this tool, its camera with key frames"
     )
@@ -86,7 +90,7 @@ class _JobQuery(UserInputQuery, AdjustQuery):
         """The request of a job's process."""
         known = self.user_input()
         stated = {field.name: getattr(known, field.name) for field in fields(UserInput)}
-        names = ("every", "tool", "preview", "envmap", "detail", "height", "camera_elevation", "camera_roll")
+        names = ("every", "curve", "tool", "preview", "envmap", "detail", "height", "camera_elevation", "camera_roll")
         adjustments = self.adjustments()
         return {
             "kind": self.kind,

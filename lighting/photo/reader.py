@@ -10,7 +10,7 @@ import os
 import struct
 import threading
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
 from math import ceil
@@ -27,7 +27,7 @@ from lighting.color import check_pixels
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError, warn_of_old_name
 from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
-from lighting.photo.borders import find_layout
+from lighting.photo.borders import Layout, find_layout
 from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, read_color_encoding, upright_pixels
 from lighting.photo.tags import read_sidecar, read_tags
@@ -44,7 +44,7 @@ MAX_ASPECT = 8  # longer side / shorter side
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of more than 4 GB too
 _UNREADABLE_TIFF = "The TIFF is damaged or not supported, such as 32 bits per colour; convert it to 8 or 16 bits."
-_BORDER = "Only the photo inside a border was used: {width} x {height} pixels."
+_BORDER = "Only the {subject} inside a border was used: {width} x {height} pixels."
 _STEREO_PAIR = "Only one half of a stereo pair was used: {width} x {height} pixels."
 _COLLAGE = "Probably a collage of several photos: do not trust this result."
 _WARNING_FILTERS = threading.Lock()  # they belong to the whole process, so one thread at a time is silent
@@ -268,19 +268,40 @@ def _without_border(photo: Photo) -> Photo:
     """What lies inside a picture's border, with a warning; of a stereo pair one half."""
     layout = find_layout(photo.pixels)
     if layout.is_collage:
-        return replace(photo, is_collage=True, warnings=(CodedWarning(_COLLAGE, WarningCode.COLLAGE),))
+        return replace(photo, is_collage=True, warnings=tuple(describe_layout(layout, photo.width, photo.height)))
     if layout.photo is None:
         return photo
     left, top, right, bottom = layout.photo.pixels(photo.width, photo.height)
     width, height = right - left, bottom - top
     if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
         return photo
-    what = _STEREO_PAIR if layout.is_stereo_pair else _BORDER
-    warning = CodedWarning(what.format(width=width, height=height), WarningCode.BORDER)
     x, y, x_end, y_end = layout.photo.pixels(photo.pixels.shape[1], photo.pixels.shape[0])
     pixels = np.ascontiguousarray(photo.pixels[y:y_end, x:x_end])
     crop = PhotoCrop(left, top, width, height, photo.width, photo.height)
-    return replace(photo, pixels=pixels, width=width, height=height, crop=crop, warnings=(warning,))
+    return replace(
+        photo,
+        pixels=pixels,
+        width=width,
+        height=height,
+        crop=crop,
+        warnings=tuple(describe_layout(layout, width, height)),
+    )
+
+
+def describe_layout(layout: Layout, width: int, height: int, subject: str = "photo") -> Iterator[CodedWarning]:
+    """What is to be said of how a picture is made up: a sentence, or nothing.
+
+    Args:
+        layout: of the picture.
+        width: of the photo in it, pixels.
+        height: of the photo in it, pixels.
+        subject: what the sentence calls that photo.
+    """
+    if layout.is_collage:
+        yield CodedWarning(_COLLAGE, WarningCode.COLLAGE)
+    elif layout.photo is not None:
+        sentence = _STEREO_PAIR if layout.is_stereo_pair else _BORDER
+        yield CodedWarning(sentence.format(subject=subject, width=width, height=height), WarningCode.BORDER)
 
 
 def _pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:

@@ -246,7 +246,7 @@ class CameraMotion:
     first_frame: int
     """First frame of the shot, 0 or more, counted in the clip."""
     clip: str
-    """The clip's file, from the scene's folder."""
+    """The clip's file, from the scene's folder; empty where the plate stands in its place."""
 
 
 describe_fields(Scene, CameraMotion)

@@ -2,15 +2,15 @@
 
 Each frame has its own time, so that a rate may vary. Damaged parts are left out and reported.
 
-HDR curves and their diffuse white are those of `lighting.color`. Primaries go from BT.2020 to BT.709 by the
-matrix of Rec. BT.2087.
+HDR curves, cameras' logarithms and their diffuse white are those of `lighting.color`. A border is cut off, and
+lettering is filled from around (framing.py). For that, some frames from all over the clip are looked at first.
 """
 
 import os
 import re
 from collections.abc import Container, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 
 from lighting.color import (
     CHROMATICITIES,
+    CODE_VALUE_CURVES,
     DECODE_CURVES,
     H273_CHROMATICITIES,
+    LOG_CHROMATICITIES,
     Curve,
     chromaticities_to_rec709,
     srgb_bytes,
@@ -30,12 +32,17 @@ from lighting.errors import VideoError, require_extra
 from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
+from lighting.records import CodedWarning
+from lighting.registration.two_view import import_opencv
 from lighting.tracing import trace_step
+from lighting.video.framing import SAMPLE_SIDE, Framing, find_framing, looks_logarithmic
 from lighting.video.metadata import (
+    LOOKS_LOGARITHMIC,
     MAX_SUBTITLE_BYTES,
     Gimbal,
     Subtitle,
     container_metadata,
+    find_log_curve,
     merge_metadata,
     read_subtitles,
     read_xml,
@@ -46,19 +53,30 @@ from lighting.video.metadata import (
 # by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
 TRANSFER_CURVES: dict[int, Curve] = {16: "pq", 18: "hlg"}
 
+_BLACK_CODE, _WHITE_CODE = 64, 940  # of 1023, of limited range
 _FULL_SIGNAL = 65280  # 255 x 256, which libswscale makes of the largest signal where it converts to 16 bits
 
 
-def _to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[np.uint8]:
-    """8-bit sRGB (..., 3) of 16-bit coded values (..., 3), as PyAV has them, under `curve`, "hlg" or "pq"."""
-    linear = _curve_table(curve).take(coded)
-    matrix = chromaticities_to_rec709(H273_CHROMATICITIES.get(primaries, CHROMATICITIES))
+def _to_srgb(
+    coded: NDArray[np.uint16], curve: Curve, primaries: int, *, is_full_range: bool = False
+) -> NDArray[np.uint8]:
+    """8-bit sRGB (..., 3) of 16-bit coded values (..., 3), as PyAV has them, under a curve.
+
+    `primaries` are the numbers of H.273; of a logarithm they are its own.
+    """
+    linear = _curve_table(curve, is_full_range).take(coded)
+    own = LOG_CHROMATICITIES.get(curve)
+    matrix = chromaticities_to_rec709(own or H273_CHROMATICITIES.get(primaries, CHROMATICITIES))
     return srgb_bytes(linear if matrix is None else linear @ matrix.T)
 
 
-@lru_cache(maxsize=2)
-def _curve_table(curve: Curve) -> NDArray[np.float32]:
-    return DECODE_CURVES[curve](np.minimum(np.arange(65536) / _FULL_SIGNAL, 1.0)).astype(np.float32)
+@lru_cache(maxsize=4)
+def _curve_table(curve: Curve, is_full_range: bool) -> NDArray[np.float32]:
+    """Linear values (65536,) of what libswscale makes of a signal, which fills the range whatever the file's is."""
+    signal = np.minimum(np.arange(65536) / _FULL_SIGNAL, 1.0)
+    if curve in CODE_VALUE_CURVES and not is_full_range:
+        signal = (_BLACK_CODE + (_WHITE_CODE - _BLACK_CODE) * signal) / 1023.0
+    return DECODE_CURVES[curve](signal).astype(np.float32)
 
 
 # From a decoded picture to upright sRGB.
@@ -68,6 +86,8 @@ _SCALING = {  # by the form that is asked for
     "rgb24": _AREA | _FULL_CHROMA,  # else what is reduced is 2 levels too dark
     "rgb48le": _AREA,  # exact; with both flags, 4:2:0 that keeps its width turns blue
 }
+_FULL_RANGE = 2  # of FFmpeg's numbers of color ranges
+_FILLED_FROM = 3  # pixels about a covered one, of which it is filled
 _MIN_HD_HEIGHT = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 
 
@@ -77,13 +97,62 @@ def _display_size(picture: Any, aspect: float) -> tuple[int, int]:
     return (height, width) if _swaps_axes(_display_matrix(picture)) else (width, height)
 
 
-def _upright_pixels(picture: Any, side: int, aspect: float = 1.0) -> NDArray[np.uint8]:
-    """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
+@dataclass(frozen=True, eq=False)
+class ClipForm:
+    """How a clip's pictures become frames."""
+
+    curve: Curve | None = None
+    """By which they are coded; None: as each picture says."""
+    framing: Framing = field(default_factory=Framing)
+    """What of them is the world."""
+
+    @property
+    def lettered(self) -> "ClipForm":
+        """The same with the lettering in the picture."""
+        return replace(self, framing=replace(self.framing, overlay=None))
+
+
+def _upright_pixels(
+    picture: Any,
+    side: int,
+    aspect: float = 1.0,
+    form: ClipForm = ClipForm(),
+) -> NDArray[np.uint8]:
+    """sRGB (h, w, 3) of a decoded picture without its border, its longer side at most `side` pixels."""
     width, height = max(1, round(picture.width * aspect)), picture.height
-    curve = TRANSFER_CURVES.get(int(picture.color_trc))
-    pixels = _resize_picture(picture, *shrink_size(width, height, side), "rgb24" if curve is None else "rgb48le")
-    pixels = pixels if curve is None else _to_srgb(pixels, curve, int(picture.color_primaries))
-    return _apply_display_matrix(pixels, _display_matrix(picture))
+    crop = form.framing.crop
+    if crop is not None:
+        shown = _display_size(picture, aspect)
+        left, top, right, bottom = crop.pixels(*shown)
+        side = round(side * max(shown) / max(right - left, bottom - top))
+    curve = form.curve or _curve_of(picture)
+    pixels = _resize_picture(picture, *shrink_size(width, height, side), "rgb24" if curve == "srgb" else "rgb48le")
+    if curve != "srgb":
+        pixels = _to_srgb(pixels, curve, int(picture.color_primaries), is_full_range=_is_full_range(picture))
+    upright = _apply_display_matrix(pixels, _display_matrix(picture))
+    if crop is None:
+        return upright
+    left, top, right, bottom = crop.pixels(upright.shape[1], upright.shape[0])
+    return np.ascontiguousarray(upright[top:bottom, left:right])
+
+
+def _curve_of(picture: Any) -> Curve:
+    """The curve that a picture says it is coded by."""
+    return TRANSFER_CURVES.get(int(picture.color_trc), "srgb")
+
+
+def _is_full_range(picture: Any) -> bool:
+    """Whether code values fill the range, as in pictures that are not of luma and chroma."""
+    name = picture.format.name
+    return int(picture.color_range) == _FULL_RANGE or name.startswith("yuvj") or not name.startswith(("yuv", "nv", "p"))
+
+
+def _without_overlay(pixels: NDArray[np.uint8], overlay: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """A frame (h, w, 3) with what covers it filled from around."""
+    cv2 = import_opencv()
+    height, width = pixels.shape[:2]
+    mask = cv2.resize(overlay.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    return np.asarray(cv2.inpaint(pixels, mask, _FILLED_FROM, cv2.INPAINT_TELEA))
 
 
 def _display_matrix(picture: Any) -> NDArray[np.int32]:
@@ -123,6 +192,10 @@ MAX_CLIP_PIXELS = 8192 * 4608  # of a picture: what cameras call 8K
 _DURATION_TAG = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _MIN_JUMP_BACK = 3.0  # frames by which times jump back between joined recordings; less is out of order
 _MAX_TIME = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
+_SAMPLES = 10  # frames by which a border and lettering are found
+_MAX_DECODED_GAP = 1.0  # s between them that are decoded rather than skipped
+_MAX_SAMPLED_PICTURES = 400  # that are decoded for them
+_MIN_SAMPLE_LEVEL = 40  # gray levels that a frame reaches which is not black
 _MAX_MISSING_END = 0.75  # s that may be missing at the end of a whole clip
 
 _FORMATS = (  # FFmpeg's names of what is read: each keeps all it shows in its one file
@@ -155,20 +228,30 @@ class _ClipInfo:
     height: int
     frame_rate: float  # mean, 1/s; 0 unknown
     duration: float  # s, of the pictures; 0 unknown
-    curve: str  # "srgb", "hlg" or "pq"
+    curve: Curve
     metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
     gimbal: Gimbal = field(default_factory=Gimbal)
+    warnings: tuple[CodedWarning, ...] = ()  # of its form
 
 
 class Clip:
     """An open clip; a context manager. `damage` tells, once the frames are read, what of it was lost."""
 
-    def __init__(self, path: str | os.PathLike[str], side: int = FRAME_SIDE) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        side: int = FRAME_SIDE,
+        *,
+        curve: Curve | None = None,
+        form: ClipForm | None = None,
+    ) -> None:
         """Open a clip and read its first frame.
 
         Args:
             path: a file that PyAV can read.
             side: pixels of a frame's longer side, at most.
+            curve: by which the clip is coded; None: as its files say.
+            form: that of another reader of the clip, which then tells no metadata; None: found here.
 
         Raises:
             VideoError: it is no clip that can be read.
@@ -184,7 +267,8 @@ class Clip:
             self._errors = 0  # packets that could not be decoded
             self._pictures = self._decode()
             self._first = self._decoded_first()
-            self.info = self._describe()
+            self.form = form or ClipForm(curve)
+            self.info = self._describe() if form is None else self._shape()
         except BaseException:
             self._container.close()
             raise
@@ -218,7 +302,9 @@ class Clip:
             last, end = time, time + _picture_duration(picture)
             if only is None or index in only:
                 with trace_step("decode"):
-                    pixels = _upright_pixels(picture, self.side, self._aspect)
+                    pixels = _upright_pixels(picture, self.side, self._aspect, self.form)
+                    if (overlay := self.form.framing.overlay) is not None:
+                        pixels = _without_overlay(pixels, overlay)
                 yield Frame(index, time, pixels)
         self._note_damage(end, lost)
 
@@ -269,20 +355,72 @@ class Clip:
             except av.FFmpegError:
                 self._errors += 1
 
+    def _shape(self) -> _ClipInfo:
+        """What is known of the pictures alone."""
+        width, height = _display_size(self._first, self._aspect)
+        if (crop := self.form.framing.crop) is not None:
+            left, top, right, bottom = crop.pixels(width, height)
+            width, height = right - left, bottom - top
+        rate, curve = float(self._stream.average_rate or 0.0), self.form.curve or _curve_of(self._first)
+        duration = _clip_duration(self._container, self._stream, float(self._first.time or 0.0))
+        return _ClipInfo(width, height, rate, duration, curve)
+
     def _describe(self) -> _ClipInfo:
-        stream, first = self._stream, self._first
-        width, height = _display_size(first, self._aspect)
-        tags = {**stream.metadata, **self._container.metadata}
-        subtitled, gimbal = subtitle_metadata(self._subtitles(), width, height)
-        metadata = merge_metadata(xml_metadata(read_xml(self.path)), container_metadata(tags, width, height))
+        """What is known of the clip, once its form is found."""
+        tags = {**self._stream.metadata, **self._container.metadata}
+        subtitles, xml = self._subtitles(), read_xml(self.path)
+        log = None if self.form.curve else find_log_curve(tags, subtitles, xml)
+        self.form = ClipForm(self.form.curve if log is None else log.curve)
+        shape = self._shape()
+        samples = self._samples(shape.duration)
+        warnings = () if log is None else (log.warning,)
+        if self.form.curve is None and log is None and shape.curve == "srgb" and looks_logarithmic(samples):
+            warnings = (LOOKS_LOGARITHMIC,)
+        self.form = replace(self.form, framing=find_framing(samples, (shape.width, shape.height)))
+        shape = self._shape()
+        size = shape.width, shape.height
+        subtitled, gimbal = subtitle_metadata(subtitles, *size)
+        metadata = merge_metadata(xml_metadata(xml), container_metadata(tags, *size))
         metadata = merge_metadata(subtitled, metadata)
-        rate, curve = float(stream.average_rate or 0.0), TRANSFER_CURVES.get(int(first.color_trc), "srgb")
-        duration = _clip_duration(self._container, stream, float(first.time or 0.0))
-        return _ClipInfo(width, height, rate, duration, curve, metadata, gimbal)
+        return replace(shape, metadata=metadata, gimbal=gimbal, warnings=(*warnings, *self.form.framing.warnings))
 
     def _subtitles(self) -> list[Subtitle]:
         """The subtitles beside the clip, or else in it."""
         return read_subtitles(self.path) or (_track_subtitles(self.path) if self._container.streams.subtitles else [])
+
+    def _samples(self, duration: float) -> list[NDArray[np.uint8]]:
+        """Frames from all over the clip, of the first one's size and not black."""
+        first = _upright_pixels(self._first, SAMPLE_SIDE, self._aspect, self.form)
+        pictures = _sample_pictures(self.path, duration)
+        samples = [_upright_pixels(picture, SAMPLE_SIDE, self._aspect, self.form) for picture in pictures]
+        return [s for s in samples if s.shape == first.shape and s.max() > _MIN_SAMPLE_LEVEL] or [first]
+
+
+def _sample_pictures(path: Path, duration: float) -> Iterator[Any]:
+    """Pictures at equal intervals over a clip of this duration [s; 0 unknown]; as many as can be read.
+
+    Near ones are reached by decoding on, far ones by way of the key frame before them.
+    """
+    import av
+
+    count = 0  # of pictures decoded
+    with suppress(av.FFmpegError), _open_container(path) as container:
+        stream = _video_stream(container)
+        pictures, start, time = container.decode(stream), None, -1.0
+        for wanted in np.linspace(0.0, duration, _SAMPLES, endpoint=False).tolist():
+            if start is not None and wanted - time > _MAX_DECODED_GAP:
+                container.seek(round(1e6 * (start + wanted)))
+                pictures = container.decode(stream)
+            for picture in pictures:
+                count += 1
+                start = float(picture.time or 0.0) if start is None else start
+                moment = float(picture.time or 0.0) - start
+                if moment >= min(wanted, time + _MAX_DECODED_GAP) and moment > time:
+                    time = moment
+                    yield picture
+                    break
+                if count > _MAX_SAMPLED_PICTURES:
+                    return
 
 
 def _track_subtitles(path: Path) -> list[Subtitle]:

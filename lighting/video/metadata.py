@@ -16,10 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from lighting.color import LogCurve
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.photo.camera import heading_from_gimbal, vertical_fov_from_focal_length
 from lighting.photo.clock import Stamp, read_stamp
 from lighting.photo.metadata import PhotoMetadata
+from lighting.records import CodedWarning, WarningCode
 
 QUICKTIME = "com.apple.quicktime."
 LOCATION_TAGS = (f"{QUICKTIME}location.ISO6709", "location", "location-eng", "\xa9xyz")
@@ -46,6 +48,40 @@ _GPS_PAIR = re.compile(r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)")
 _START_TIME = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 _NO_DIGITAL_ZOOM = (0.0, 1.0, 10000.0)  # ratios: some models count ten-thousandths, and 0 says nothing
 _CLOCK = re.compile(r"\d{4}[-.]\d\d[-.]\d\d \d\d:\d\d:\d\d")
+
+# Logarithms of cameras: in what their makers call them, letters and digits; their names for people, and the curve where
+# it is published. Those that begin with another's letters are before it.
+_LOG_NAMES: dict[str, tuple[str, LogCurve | None]] = {
+    "applelog2": ("Apple Log 2", None),
+    "applelog": ("Apple Log", "apple-log"),
+    "dlogm": ("D-Log M", None),
+    "dlog": ("D-Log", "d-log"),
+    "slog3": ("S-Log3", "s-log3"),
+    "slog": ("S-Log", None),
+    "vlog": ("V-Log", "v-log"),
+    "canonlog3": ("Canon Log 3", "c-log3"),
+    "clog3": ("Canon Log 3", "c-log3"),
+    "canonlog": ("Canon Log", None),
+    "clog": ("Canon Log", None),
+    "nlog": ("N-Log", "n-log"),
+    "flog2": ("F-Log2", "f-log2"),
+    "flog": ("F-Log", None),
+    "logc4": ("LogC4", "logc4"),
+    "logc": ("LogC3", "logc3"),
+    "ilog": ("I-Log", None),
+    "gplog": ("GP-Log", None),
+    "log3g10": ("Log3G10", None),
+    "filmlog": ("Blackmagic Film", None),
+}
+_DJI_COLORS = re.compile(r"\bcolor_md\s*:\s*([^\]\[\n]{1,40})")
+_CURVE_TAG = re.compile(r"(?i)gamma|curve|transfer|colou?r|profile|_log")  # in the names of tags that may name one
+_XML_CURVE = re.compile(r'Gamma\w*"\s+value="([^"]{1,40})"|<(?:\w+:)?\w*Gamma\w*(?:\s[^>]*)?>([^<]{1,40})<')
+_UNDONE = "The clip is in {}, by {}: its curve was undone."
+_NOT_UNDONE = "The clip is in {}, by {}, and its curve is not known here: light and colors are off. Give a graded clip."
+LOOKS_LOGARITHMIC = CodedWarning(
+    "The clip looks as if it were in a camera's logarithm: if it is, give its curve, for light and colors are off.",
+    WarningCode.CURVE,
+)
 
 Subtitle = tuple[float, str]  # when it begins [s], and its text
 
@@ -275,6 +311,37 @@ def _make_gimbal(entries: list[_Entry]) -> Gimbal:
     time, yaw, pitch, roll = table.T
     heading = np.array([heading_from_gimbal(*angles) for angles in zip(pitch, roll, yaw, strict=True)])
     return Gimbal(time, heading, pitch, roll)
+
+
+@dataclass(frozen=True)
+class NamedLog:
+    """A camera's logarithm that a clip's files name."""
+
+    curve: LogCurve | None
+    """The curve; None where none is known."""
+    warning: CodedWarning
+    """What was done."""
+
+
+def find_log_curve(tags: Mapping[str, str], subtitles: Sequence[Subtitle], xml: str) -> NamedLog | None:
+    """Find the logarithm that a clip's files name; None where they name none.
+
+    Args:
+        tags: of the container, by name.
+        subtitles: in the clip or beside it.
+        xml: of the file beside it; may be empty.
+    """
+    of_drone = (found[1] for _, text in subtitles[:1] for found in _DJI_COLORS.finditer(text))
+    beside = (found[1] or found[2] for found in _XML_CURVE.finditer(xml))
+    in_tags = (value for name, value in tags.items() if _CURVE_TAG.search(name))
+    sources = (("its subtitles", of_drone), ("the XML beside it", beside), ("its file", in_tags))
+    for source, text in ((source, text) for source, texts in sources for text in texts):
+        plain = re.sub(r"[^a-z0-9]", "", text.lower())
+        if (found := next((log for name, log in _LOG_NAMES.items() if name in plain), None)) is not None:
+            name, curve = found
+            sentence = (_NOT_UNDONE if curve is None else _UNDONE).format(name, source)
+            return NamedLog(curve, CodedWarning(sentence, WarningCode.CURVE))
+    return None
 
 
 def merge_metadata(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata:

@@ -404,7 +404,7 @@ def _light_shot(
             light.add(FrameObservation(estimate, float(path.heading[i]), frame_fov, gain, priors[frame].observations))
     if night := [float(path.time[position[frame]]) for frame in priors if frame not in by_day]:
         first = replace(first, warnings=(*first.warnings, _NIGHT_FALLS.format(min(night))))
-    first = replace(first, warnings=(*first.warnings, *warnings))
+    first = replace(first, warnings=(*clip_metadata.warnings, *first.warnings, *warnings))
     posterior = light.answer(first.observations)
     posterior = replace(posterior, prediction=replace(posterior.prediction, vertical_fov=fov))
     frames, north = np.array([step.frame for step in tracked.steps]), estimate_north(posterior, first)

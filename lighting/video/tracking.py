@@ -370,6 +370,8 @@ class ClipMetadata:
     """What the user states of the clip."""
     subject: str = "clip"
     """What warnings call it."""
+    warnings: tuple[str, ...] = ()
+    """Sentences about its pictures."""
 
     @classmethod
     def of_clip(cls, clip: Clip, user_input: UserInput) -> Self:
@@ -380,8 +382,8 @@ class ClipMetadata:
             user_input: of its first frame; may forbid the clip's own metadata.
         """
         if not user_input.metadata:
-            return cls(user_input=user_input)
-        return cls(clip.info.metadata, clip.info.gimbal, user_input)
+            return cls(user_input=user_input, warnings=clip.info.warnings)
+        return cls(clip.info.metadata, clip.info.gimbal, user_input, warnings=clip.info.warnings)
 
     @property
     def vertical_fov(self) -> float | None:

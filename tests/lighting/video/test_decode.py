@@ -7,17 +7,23 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
-from lighting.color import DECODE_CURVES, srgb_encode
+from lighting.color import DECODE_CURVES, Curve, luminance, srgb_decode, srgb_encode
 from lighting.errors import VideoError
+from lighting.records import WarningCode
 from lighting.video import decode
-from lighting.video.decode import Clip, _to_srgb, _upright_pixels, local_address
+from lighting.video.decode import Clip, ClipForm, _to_srgb, _upright_pixels, local_address
 from tests.helpers.clips import Pixels, pan, write_clip
+from tests.helpers.pages import ROOT
 
+FOCAL_LENGTH = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 TOP_RED = np.zeros((180, 320, 3), np.uint8)
-TOP_RED[:90] = [200, 30, 30]
+TOP_RED[..., 1] = np.add.outer(np.arange(180) // 4, np.arange(320) // 8)  # no plain parts, which are borders
+TOP_RED[:90] += np.array([200, 0, 0], np.uint8)
 
 
 def first(path: Path) -> Pixels:
@@ -380,8 +386,8 @@ def test_hlg_is_one_at_diffuse_white_and_twelve_times_its_knee_at_the_top() -> N
 
 
 @pytest.mark.parametrize("curve", ["hlg", "pq"])
-def test_grey_stays_grey_and_white_is_white(curve: str) -> None:
-    signal = {"hlg": 0.75, "pq": 0.5807}[curve]
+def test_grey_stays_grey_and_white_is_white(curve: Curve) -> None:
+    signal = 0.75 if curve == "hlg" else 0.5807
     coded = np.full((2, 2, 3), round(signal * 65280), dtype=np.uint16)
     assert np.all(_to_srgb(coded, curve, 9) >= 254)
     darker = _to_srgb(coded // 2, curve, 9)
@@ -400,3 +406,127 @@ def test_primaries_of_bt2020_are_more_saturated_than_those_of_bt709() -> None:
     wide, narrow = (_to_srgb(coded, "hlg", primaries)[0, 0].astype(int) for primaries in (9, 1))
     assert wide[0] > narrow[0]
     assert wide[1] < narrow[1]
+
+
+# Cameras' logarithms.
+
+
+def logarithmic(linear: np.ndarray, curve: Curve) -> np.ndarray:
+    """The signals, as bytes, of linear values under a curve."""
+    signal = np.linspace(0.0, 1.0, 4097)
+    return np.asarray(np.round(255.0 * np.interp(linear, DECODE_CURVES[curve](signal), signal)), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("curve", ["d-log", "s-log3", "v-log", "apple-log", "logc4"])
+def test_a_logarithm_is_undone(tmp_path: Path, curve: Curve) -> None:
+    """Grays of 5 to 70 %, as code values of a file of full range."""
+    grays = np.repeat(np.linspace(0.05, 0.7, 8), 40)
+    coded = np.tile(logarithmic(grays, curve)[None, :, None], (180, 1, 3))
+    path = write_clip(tmp_path / "a.mkv", [coded] * 3, codec="ffv1", pix_fmt="bgr0", options={})
+    with Clip(path, form=ClipForm(curve)) as clip:
+        frame = next(iter(clip.frames()))
+    shown = srgb_decode(frame.pixels[90, 20::40, 1] / 255.0)
+    np.testing.assert_allclose(shown, grays[20::40], rtol=0.06)
+
+
+def test_limited_range_leaves_sonys_code_values_as_they_are(tmp_path: Path) -> None:
+    """The code of 18 % gray is 420 of 1023, of which limited range makes 105 of 255."""
+    path = write_clip(tmp_path / "a.mp4", [np.full((180, 320, 3), round(255 * (420 - 64) / 876), np.uint8)] * 3)
+    with Clip(path, curve="s-log3") as clip:
+        assert srgb_decode(next(iter(clip.frames())).pixels.mean() / 255.0) == pytest.approx(0.18, abs=0.006)
+
+
+def street(count: int = 8) -> list[Pixels]:
+    """A pan over an example photo, whose colors are those of the world."""
+    with Image.open(ROOT / "examples" / "wide_street.jpg") as photo:
+        small = np.asarray(photo.convert("RGB").resize((480, 320)))
+    return [small[60:240, 16 * i : 16 * i + 320] for i in range(count)]
+
+
+def test_the_curve_that_a_file_beside_names_is_undone_and_said(tmp_path: Path) -> None:
+    plain = street()
+    path = write_clip(tmp_path / "a.mp4", [logarithmic(srgb_decode(one / 255.0), "d-log") for one in plain])
+    with Clip(path) as clip:
+        assert clip.info.curve == "srgb"
+        assert [warning.code for warning in clip.info.warnings] == [WarningCode.CURVE]
+        assert "looks as if" in clip.info.warnings[0]
+    path.with_suffix(".SRT").write_text("1\n00:00:00,000 --> 00:00:01,000\n[iso: 100] [color_md: dlog]\n")
+    with Clip(path) as clip:
+        frame = next(iter(clip.frames())).pixels
+        assert clip.info.curve == "d-log"
+        assert "D-Log, by its subtitles" in clip.info.warnings[0]
+    assert float(luminance(frame).mean()) == pytest.approx(float(luminance(plain[0]).mean()), abs=6.0)
+    with Clip(path, curve="srgb") as clip:
+        assert clip.info.warnings == ()
+
+
+def test_an_ordinary_clip_does_not_look_logarithmic(tmp_path: Path) -> None:
+    with Clip(write_clip(tmp_path / "a.mp4", street())) as clip:
+        assert clip.info.warnings == ()
+
+
+# Borders and lettering.
+
+
+def bordered(picture: Pixels, height: int = 320) -> Pixels:
+    """The picture between black bars."""
+    bars = np.zeros((height, picture.shape[1], 3), np.uint8)
+    top = (height - picture.shape[0]) // 2
+    bars[top : top + picture.shape[0]] = picture
+    return bars
+
+
+def test_a_clip_is_cut_to_the_picture_inside_its_border(tmp_path: Path) -> None:
+    plain = pan(10)
+    path = write_clip(tmp_path / "a.mp4", [bordered(one) for one in plain], metadata={FOCAL_LENGTH: "26"})
+    bare = write_clip(tmp_path / "b.mp4", plain, metadata={FOCAL_LENGTH: "26"})
+    with Clip(path) as clip, Clip(bare) as other:
+        frames, expected = list(clip.frames()), list(other.frames())
+        assert abs(clip.info.height - 180) <= 3
+        assert [warning.code for warning in clip.info.warnings] == [WarningCode.BORDER]
+        assert "Only the picture inside a border was used: 320 x" in clip.info.warnings[0]
+        assert clip.info.metadata.vertical_fov == pytest.approx(other.info.metadata.vertical_fov, abs=1.0)
+        assert other.info.warnings == ()
+    assert len(frames) == len(expected) == 10
+    with Clip(path, 120, form=clip.form) as again:
+        assert next(iter(again.frames())).pixels.shape[1] == 120
+
+
+def test_a_dark_scene_between_bars_hides_none_of_the_picture(tmp_path: Path) -> None:
+    dark = [bordered(np.asarray(one // 12, dtype=np.uint8)) for one in pan(10)[:3]]
+    path = write_clip(tmp_path / "a.mp4", [*dark, *(bordered(one) for one in pan(10)[3:])])
+    with Clip(path) as clip:
+        assert abs(clip.info.height - 180) <= 3
+
+
+def lettered(picture: Pixels, opacity: float = 1.0) -> Pixels:
+    """The picture under lines of letters."""
+    letters = np.zeros(picture.shape, np.uint8)
+    for row in range(20, 180, 28):
+        cv2.putText(letters, "ALT 20 SPD 14 BAT", (4, row), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255,) * 3, 1, cv2.LINE_AA)
+    share = opacity * (letters / 255.0)
+    return np.asarray(picture * (1.0 - share) + 255.0 * share, dtype=np.uint8)
+
+
+@pytest.mark.parametrize("opacity", [1.0, 0.6])
+def test_lettering_that_stands_still_is_left_out(tmp_path: Path, opacity: float) -> None:
+    path = write_clip(tmp_path / "a.mp4", [lettered(one, opacity) for one in street(10)])
+    with Clip(path) as clip:
+        frames = [frame.pixels for frame in clip.frames()]
+        assert [warning.code for warning in clip.info.warnings] == [WarningCode.OVERLAY]
+        covered = clip.form.framing.overlay
+    assert covered is not None
+    letters = lettered(np.zeros((180, 320, 3), np.uint8))[..., 0] > 128
+    assert np.mean(covered[letters]) > 0.6
+    assert np.mean(letters[:, :200]) < np.mean(covered) < 8 * np.mean(letters)
+    with Clip(path, form=clip.form.lettered) as shown:
+        seen = [frame.pixels for frame in shown.frames()]
+    change = np.abs(frames[0].astype(float) - seen[0]).mean(axis=2)
+    assert change[letters].mean() > 20.0
+    assert change[~covered].max() == 0.0
+
+
+def test_a_camera_that_stands_sees_no_lettering(tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "a.mp4", [lettered(pan(4)[0])] * 10)
+    with Clip(path) as clip:
+        assert clip.info.warnings == ()

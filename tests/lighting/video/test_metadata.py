@@ -19,6 +19,7 @@ from lighting.video.decode import Clip
 from lighting.video.metadata import (
     Gimbal,
     container_metadata,
+    find_log_curve,
     merge_metadata,
     read_subtitles,
     subtitle_metadata,
@@ -261,6 +262,60 @@ def test_xml_beside_a_clip_tells_the_zone(tmp_path: Path) -> None:
     assert xml_metadata("<a/>") == PhotoMetadata()
 
 
+# Logarithms that files name.
+
+
+@pytest.mark.parametrize(
+    ("said", "name", "curve"),
+    [
+        ("dlog", "D-Log", "d-log"),
+        ("d_log", "D-Log", "d-log"),
+        ("D-Log M", "D-Log M", None),
+        ("dlog_m", "D-Log M", None),
+        ("default", None, None),
+        ("d_cinelike", None, None),
+    ],
+)
+def test_djis_subtitles_name_the_curve(said: str, name: str | None, curve: str | None) -> None:
+    found = find_log_curve({}, [(0.0, f"[iso: 100] [color_md : {said}] [focal_len: 24.00]")], "")
+    assert (found.curve if found else None) == curve
+    assert found is None if name is None else found is not None and f"is in {name}, by its subtitles" in found.warning
+    if found is not None:
+        assert found.warning.code is WarningCode.CURVE
+        assert ("was undone" in found.warning) == (curve is not None)
+
+
+@pytest.mark.parametrize(
+    ("xml", "curve"),
+    [
+        ('<Item name="CaptureGammaEquation" value="s-log3-cine"/>', "s-log3"),
+        ('<Item name="CaptureGammaEquation" value="rec709"/>', None),
+        ("<CaptureGamma>V-LOG</CaptureGamma>", "v-log"),
+        ("<p2:CaptureGamma>V-Log L</p2:CaptureGamma>", "v-log"),
+        ("<Gamma>Canon Log 3</Gamma>", "c-log3"),
+    ],
+)
+def test_xml_beside_a_clip_names_the_curve(xml: str, curve: str | None) -> None:
+    found = find_log_curve({}, [], xml)
+    assert (found and found.curve) == curve
+
+
+@pytest.mark.parametrize(
+    ("tags", "curve"),
+    [
+        ({"com.apple.proapps.customgamma": "com.apple.rec2020.apple-log"}, "apple-log"),
+        ({"com.apple.proapps.customgamma": "com.sony.slog3"}, "s-log3"),
+        ({"com.arri.camera.ColorGammaSxS": "LOG-C4"}, "logc4"),
+        ({"com.example.GammaCurve": "N-Log"}, "n-log"),
+        ({"com.example.color_profile": "F-Log2"}, "f-log2"),
+        ({"title": "My vlog in Munich", "comment": "no slog3"}, None),
+    ],
+)
+def test_tags_of_a_clip_name_the_curve(tags: dict[str, str], curve: str | None) -> None:
+    found = find_log_curve(tags, [], "")
+    assert (found and found.curve) == curve
+
+
 # Subtitles inside the clip.
 
 
@@ -288,10 +343,10 @@ def write_subtitled(path: Path, codec: str) -> Path:
                 target.mux(packet)
         for start, block in ((0, DJI.split("\n\n")[0]), (2000, DJI.split("\n\n")[1])):
             text = block.split("\n", 2)[2].encode()
-            packet = av.Packet(len(text).to_bytes(2, "big") + text if codec == "mov_text" else text)
-            packet.pts = packet.dts = start
-            packet.duration, packet.time_base, packet.stream = 2000, Fraction(1, 1000), texts
-            target.mux(packet)
+            entry: Any = av.Packet(len(text).to_bytes(2, "big") + text if codec == "mov_text" else text)
+            entry.pts = entry.dts = start
+            entry.duration, entry.time_base, entry.stream = 2000, Fraction(1, 1000), texts
+            target.mux(entry)
     return path
 
 
