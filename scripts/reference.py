@@ -79,14 +79,22 @@ def _command_section(context: click.Context) -> Iterator[str]:
         yield from ([escape_marks(paragraph)] if kept == paragraph else ["```text", kept, "```"])
         yield ""
     command._help_option = None  # which click keeps by the names of the context that asked first
-    records = [
-        r for p in command.get_params(context) if isinstance(p, click.Option) and (r := p.get_help_record(context))
-    ]
-    yield from write_table(("option", "default", "meaning"), (_option_row(*record) for record in records))
+    for title, records in _option_sections(command, context).items():
+        if title != "Options":
+            yield from (f"**{title}**", "")
+        yield from write_table(("option", "default", "meaning"), (_option_row(*record) for record in records))
     if isinstance(command, Command) and (old := _old_names(command)):
         yield from (f"Old names, until 0.3.0: {old}.", "")
     if isinstance(command, Command | Group) and command.examples:
         yield from ("```sh", *command.examples, "```", "")
+
+
+def _option_sections(command: click.Command, context: click.Context) -> dict[str, list[tuple[str, str]]]:
+    """The names and meanings of a command's options, by the title of their section in the help."""
+    if isinstance(command, Command):
+        return command.option_sections(context)
+    options = [p for p in command.get_params(context) if isinstance(p, click.Option)]
+    return {"Options": [record for option in options if (record := option.get_help_record(context))]}
 
 
 def _option_row(names: str, text: str) -> tuple[str, str, str]:

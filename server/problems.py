@@ -147,6 +147,13 @@ UNSUPPORTED_TYPE = ProblemKind(
     "The body has a Content-Encoding; send it as it is, without one.",
     "`Accept` names the types that are accepted; a body with a `Content-Encoding` is none.",
 )
+BAD_RANGE = ProblemKind(
+    "bad-range",
+    416,
+    "The file has no such range",
+    "The Range header names no bytes of this file.",
+    "`Range` cannot be read, or lies outside of the file; `Content-Range` says how long the file is.",
+)
 WRONG_HOST = ProblemKind(
     "wrong-host",
     421,
@@ -217,8 +224,8 @@ BUSY = ProblemKind(
 
 KINDS = (
     UNREADABLE_PHOTO, UNREADABLE_BODY, MALFORMED, UNAUTHORIZED, FORBIDDEN, FOREIGN_ORIGIN, NOT_FOUND,
-    METHOD_NOT_ALLOWED, UNKNOWN_JOB, NO_RESULT, TOO_SLOW, REMOVED, TOO_LARGE, UNSUPPORTED_TYPE, WRONG_HOST, INVALID,
-    TOO_MANY_REQUESTS, TOO_MANY_UPLOADS, SHARE_TAKEN, HEADERS_TOO_LARGE, INTERNAL, NOT_READY, BUSY,
+    METHOD_NOT_ALLOWED, UNKNOWN_JOB, NO_RESULT, TOO_SLOW, REMOVED, TOO_LARGE, UNSUPPORTED_TYPE, BAD_RANGE, WRONG_HOST,
+    INVALID, TOO_MANY_REQUESTS, TOO_MANY_UPLOADS, SHARE_TAKEN, HEADERS_TOO_LARGE, INTERNAL, NOT_READY, BUSY,
 )  # fmt: skip
 _DETAIL_BY_TYPE = {  # plainer than pydantic's, by pydantic's type of error
     "missing": (ErrorCode.MISSING, "is missing"),

@@ -1,7 +1,7 @@
 """Errors of normals on shapes and latitudes that training never saw.
 
 Every figure is of simulated photos under Hosek-Wilkie skies, median / mean angle in degrees over all pixels; none is of
-real photographs. In some sessions Mitsuba traces paths (`pip install 'outdoor-lighting[test]'`), with light between a
+real photographs. In some sessions Mitsuba traces paths (`pip install 'outdoor-lighting[train]'`), with light between a
 mesh's parts and the sky that they hide. That camera is orthographic and level.
 """
 

@@ -8,9 +8,8 @@ import click
 import lighting.errors as errors
 from lighting.cli import cli, console
 from lighting.cli import options as common
-from lighting.cli.console import path_of, read_photo_bytes
 from lighting.cli.options import usage_errors
-from lighting.cli.photos import estimate_photo, load_estimator, strict_status
+from lighting.cli.photos import estimate_alone, load_estimator, strict_status
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
@@ -35,13 +34,11 @@ def _answers(
     The network is loaded now for several photos, and beside the decoding of one alone. Raises ModelError.
     """
     if len(names) == 1:
-        return lambda photos: _estimate_each(
-            photos, lambda name: estimate_photo(name, console.read_photo_bytes(name), user_input, model)[1]
-        )
+        return lambda photos: _estimate_each(photos, lambda name: estimate_alone(name, user_input, model))
     estimator = load_estimator(model)
     if together:
         return lambda photos: _estimate_views(estimator, photos, user_input, headings)
-    return lambda photos: _estimate_each(photos, lambda name: estimator(_read_photo_file(name), user_input))
+    return lambda photos: _estimate_each(photos, lambda name: estimator(console.read_photo(name), user_input))
 
 
 def _estimate_each(names: Iterable[str], estimate: "Callable[[str], Estimate]") -> Answers:
@@ -65,7 +62,7 @@ def _estimate_views(
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
-            read[i] = name, _read_photo_file(name, MAX_SIDE if register else None)
+            read[i] = name, console.read_photo(name, MAX_SIDE if register else None)
         except (PhotoError, OSError) as error:
             yield name, error
     if not read:
@@ -87,11 +84,12 @@ def _refuse_fit(_ctx: click.Context, _param: click.Parameter, value: str | None)
     "estimate",
     epilog="""
     lighting estimate photo.jpg
-    lighting estimate --json *.jpg > lights.jsonl       # a record a line
+    lighting estimate *.jpg -o lights.jsonl             # also a record a line
     lighting estimate photo.jpg --time 2024-06-01T18:30+02:00 --lat 48.14 --lon 11.58
     """,
 )
 @click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=common.FileName())
+@common.record_output("Also write the record to FILE.json, those of several photos to FILE.jsonl.")
 @common.json_option
 @common.strict_option
 @common.together_option
@@ -105,6 +103,8 @@ def _estimate(
     ctx: click.Context,
     /,
     photos: Sequence[str],
+    output: str | None,
+    overwrite: bool,
     as_json: bool,
     user_input: "UserInput",
     model: str | None,
@@ -118,26 +118,34 @@ def _estimate(
     stop the others; the exit status is 1 then.
     """
     console.check_stdin(photos)
+    console.check_not_written(photos, output, console.RECORD_SUFFIXES)
     _check_together(len(photos), user_input, **taken_together)
     _warn_unregistered(quiet, **taken_together)
-    lights = list["Lighting"]()
+    if output == "-":
+        output, as_json = None, True
+    console.check_records(photos, output, overwrite=overwrite)
+    lights, lines = list["Lighting"](), list[str]()
     failed, answers_of = 0, _answers(model, photos, user_input, **taken_together)
     with console.photo_progress(photos, quiet) as progress:
         for name, answer in answers_of(progress):
             if not isinstance(answer, Exception):
-                light, probe = answer.lighting, answer.light_probe() if as_json else None
+                light, probe = answer.lighting, answer.light_probe() if as_json or output else None
                 crop, warnings = answer.photo.crop, answer.warnings
                 console.print_estimate(name, light, warnings, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
                 lights.append(light)
+                lines.append(console.format_record(name, light, probe=probe, crop=crop))
                 continue
             if ctx.find_root().params["debug"]:
                 raise answer
             failed += 1
+            lines.append(console.format_json_error(name, answer))
             if as_json:
-                console.print_json_error(name, answer)
+                click.echo(lines[-1])
             console.report_failure(name, answer, progress)
     if failed and len(photos) > 1:
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
+    if output is not None and lights:
+        console.write_records(output, lines, quiet=quiet or as_json)
     ctx.exit(1 if failed else strict_status(lights, strict))
 
 
@@ -156,20 +164,6 @@ def _warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | 
     if not has_opencv():
         reason = f"because OpenCV is not installed: {errors.install_command('all')}."
         click.echo(f"Warning: The photos were not matched with each other, {reason}", err=True)
-
-
-def _read_photo_file(name: str, target: int | None = None) -> "Photo":
-    """Read the photo in a file.
-
-    Args:
-        name: of the file; "-" is stdin.
-        target: pixels of its longer side to keep; None keeps what the network needs.
-    """
-    from lighting.photo.reader import read_photo
-
-    data = read_photo_bytes(name)
-    path = path_of(name)
-    return read_photo(data, path=path) if target is None else read_photo(data, target=target, path=path)
 
 
 def _check_together(photos: int, user_input: "UserInput", together: bool, headings: list[float] | None) -> None:

@@ -8,10 +8,11 @@ lettering is filled from around (framing.py). For that, some frames from all ove
 
 import os
 import re
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -113,22 +114,24 @@ class ClipForm:
 
 
 def _upright_pixels(
-    picture: Any,
-    side: int,
-    aspect: float = 1.0,
-    form: ClipForm = ClipForm(),
+    picture: Any, context: Any, side: int, aspect: float = 1.0, form: ClipForm | None = None
 ) -> NDArray[np.uint8]:
-    """sRGB (h, w, 3) of a decoded picture without its border, its longer side at most `side` pixels."""
+    """sRGB (h, w, 3) of a picture that a codec's context decoded, its longer side at most `side` pixels.
+
+    A border is cut off; without a `form` there is none.
+    """
+    form = form or ClipForm()
     width, height = max(1, round(picture.width * aspect)), picture.height
     crop = form.framing.crop
     if crop is not None:
         shown = _display_size(picture, aspect)
         left, top, right, bottom = crop.pixels(*shown)
         side = round(side * max(shown) / max(right - left, bottom - top))
-    curve = form.curve or _curve_of(picture)
+    stated, primaries = _curve_and_primaries(picture, context)
+    curve = form.curve or stated
     pixels = _resize_picture(picture, *shrink_size(width, height, side), "rgb24" if curve == "srgb" else "rgb48le")
     if curve != "srgb":
-        pixels = _to_srgb(pixels, curve, int(picture.color_primaries), is_full_range=_is_full_range(picture))
+        pixels = _to_srgb(pixels, curve, primaries, is_full_range=_is_full_range(picture, context))
     upright = _apply_display_matrix(pixels, _display_matrix(picture))
     if crop is None:
         return upright
@@ -136,15 +139,10 @@ def _upright_pixels(
     return np.ascontiguousarray(upright[top:bottom, left:right])
 
 
-def _curve_of(picture: Any) -> Curve:
-    """The curve that a picture says it is coded by."""
-    return TRANSFER_CURVES.get(int(picture.color_trc), "srgb")
-
-
-def _is_full_range(picture: Any) -> bool:
+def _is_full_range(picture: Any, context: Any) -> bool:
     """Whether code values fill the range, as in pictures that are not of luma and chroma."""
-    name = picture.format.name
-    return int(picture.color_range) == _FULL_RANGE or name.startswith("yuvj") or not name.startswith(("yuv", "nv", "p"))
+    name, source = picture.format.name, picture if hasattr(picture, "color_range") else context
+    return int(source.color_range) == _FULL_RANGE or name.startswith("yuvj") or not name.startswith(("yuv", "nv", "p"))
 
 
 def _without_overlay(pixels: NDArray[np.uint8], overlay: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -153,6 +151,12 @@ def _without_overlay(pixels: NDArray[np.uint8], overlay: NDArray[np.bool_]) -> N
     height, width = pixels.shape[:2]
     mask = cv2.resize(overlay.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
     return np.asarray(cv2.inpaint(pixels, mask, _FILLED_FROM, cv2.INPAINT_TELEA))
+
+
+def _curve_and_primaries(picture: Any, context: Any) -> tuple[Curve, int]:
+    """The curve of a picture by itself, and the number of its primaries; PyAV 14 to 16 has them of the codec."""
+    source = picture if hasattr(picture, "color_trc") else context
+    return TRANSFER_CURVES.get(int(source.color_trc), "srgb"), int(source.color_primaries)
 
 
 def _display_matrix(picture: Any) -> NDArray[np.int32]:
@@ -179,8 +183,9 @@ def _apply_display_matrix(pixels: NDArray[np.uint8], matrix: NDArray[np.int32]) 
 def _resize_picture(picture: Any, width: int, height: int, pixel_format: str) -> NDArray[Any]:
     matrix = int(picture.colorspace)
     color_matrix = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _MIN_HD_HEIGHT else 5
+    rgb_matrix = 1 if color_matrix == 5 else 5  # means nothing, but PyAV 14 to 16 reads the first where both differ
     scaling = _SCALING[pixel_format]
-    resized = picture.reformat(width, height, pixel_format, color_matrix, color_matrix, interpolation=scaling)
+    resized = picture.reformat(width, height, pixel_format, color_matrix, rgb_matrix, interpolation=scaling)
     return np.asarray(resized.to_ndarray())
 
 
@@ -204,6 +209,7 @@ _FORMATS = (  # FFmpeg's names of what is read: each keeps all it shows in its o
     *("aac", "aiff", "amr", "flac", "mp3", "wav"),  # to say that they hold only sound
 )
 _DECODER_OPTIONS = {"max_pixels": str(MAX_CLIP_PIXELS)}
+_NO_METADATA_ERRORS = 19  # the first release of PyAV that takes no `metadata_errors`
 _PLAYLIST_SUFFIXES = (".m3u8", ".m3u", ".ffconcat", ".mpd", ".ism", ".sdp", ".pls", ".asx", ".xspf", ".smil")
 _PLAYLIST_START = re.compile(rb"(\xef\xbb\xbf)?\s*(#EXTM3U|ffconcat|\[playlist\]|v=0\s|<[?a-z])", re.IGNORECASE)
 
@@ -265,6 +271,7 @@ class Clip:
             aspect = float(self._stream.sample_aspect_ratio or 1.0)
             self._aspect = aspect if 0.1 < aspect < 10.0 else 1.0  # how many times as wide as high a pixel is
             self._errors = 0  # packets that could not be decoded
+            self._packet_ticks = 0  # duration of the last packet, in the stream's time base
             self._pictures = self._decode()
             self._first = self._decoded_first()
             self.form = form or ClipForm(curve)
@@ -299,10 +306,10 @@ class Clip:
             if not last < time < _MAX_TIME or picture.is_corrupt:
                 lost += 1
                 continue
-            last, end = time, time + _picture_duration(picture)
+            last, end = time, time + _picture_duration(picture, self._packet_ticks)
             if only is None or index in only:
                 with trace_step("decode"):
-                    pixels = _upright_pixels(picture, self.side, self._aspect, self.form)
+                    pixels = _upright_pixels(picture, self._stream.codec_context, self.side, self._aspect, self.form)
                     if (overlay := self.form.framing.overlay) is not None:
                         pixels = _without_overlay(pixels, overlay)
                 yield Frame(index, time, pixels)
@@ -350,9 +357,10 @@ class Clip:
                 return
             if packet is None:
                 return
+            self._packet_ticks = packet.duration or self._packet_ticks
             try:
                 yield from packet.decode()
-            except av.FFmpegError:
+            except (av.FFmpegError, ValueError):  # a codec that FFmpeg could not open is none that PyAV 19 knows
                 self._errors += 1
 
     def _shape(self) -> _ClipInfo:
@@ -361,13 +369,14 @@ class Clip:
         if (crop := self.form.framing.crop) is not None:
             left, top, right, bottom = crop.pixels(width, height)
             width, height = right - left, bottom - top
-        rate, curve = float(self._stream.average_rate or 0.0), self.form.curve or _curve_of(self._first)
+        rate, context = float(self._stream.average_rate or 0.0), self._stream.codec_context
+        curve = self.form.curve or _curve_and_primaries(self._first, context)[0]
         duration = _clip_duration(self._container, self._stream, float(self._first.time or 0.0))
         return _ClipInfo(width, height, rate, duration, curve)
 
     def _describe(self) -> _ClipInfo:
         """What is known of the clip, once its form is found."""
-        tags = {**self._stream.metadata, **self._container.metadata}
+        tags = {**_readable(self._stream.metadata), **_readable(self._container.metadata)}
         subtitles, xml = self._subtitles(), read_xml(self.path)
         log = None if self.form.curve else find_log_curve(tags, subtitles, xml)
         self.form = ClipForm(self.form.curve if log is None else log.curve)
@@ -390,9 +399,9 @@ class Clip:
 
     def _samples(self, duration: float) -> list[NDArray[np.uint8]]:
         """Frames from all over the clip, of the first one's size and not black."""
-        first = _upright_pixels(self._first, SAMPLE_SIDE, self._aspect, self.form)
-        pictures = _sample_pictures(self.path, duration)
-        samples = [_upright_pixels(picture, SAMPLE_SIDE, self._aspect, self.form) for picture in pictures]
+        pictures = chain([self._first], _sample_pictures(self.path, duration))
+        shape = self._stream.codec_context, SAMPLE_SIDE, self._aspect, self.form
+        first, *samples = (_upright_pixels(picture, *shape) for picture in pictures)
         return [s for s in samples if s.shape == first.shape and s.max() > _MIN_SAMPLE_LEVEL] or [first]
 
 
@@ -404,7 +413,7 @@ def _sample_pictures(path: Path, duration: float) -> Iterator[Any]:
     import av
 
     count = 0  # of pictures decoded
-    with suppress(av.FFmpegError), _open_container(path) as container:
+    with suppress(av.FFmpegError, ValueError), _open_container(path) as container:
         stream = _video_stream(container)
         pictures, start, time = container.decode(stream), None, -1.0
         for wanted in np.linspace(0.0, duration, _SAMPLES, endpoint=False).tolist():
@@ -429,7 +438,7 @@ def _track_subtitles(path: Path) -> list[Subtitle]:
 
     subtitles: list[Subtitle] = []
     left = MAX_SUBTITLE_BYTES
-    with suppress(av.FFmpegError), _open_container(path) as container:
+    with suppress(av.FFmpegError, ValueError), _open_container(path) as container:
         for stream in (s for s in container.streams if s.type != "subtitle"):
             with suppress(AttributeError):  # of older PyAV, which reads what is not wanted
                 stream.discard = type(stream.discard).all
@@ -465,9 +474,16 @@ def _open_container(path: Path) -> Any:
     _check_file(path)
     options = {"protocol_whitelist": "file", "format_whitelist": ",".join(_FORMATS), **_DECODER_OPTIONS}
     try:
-        return av.open(local_address(path), options=options, metadata_errors="replace")
+        if int(av.__version__.split(".")[0]) < _NO_METADATA_ERRORS:
+            return av.open(local_address(path), options=options, metadata_errors="replace")
+        return av.open(local_address(path), options=options)
     except (av.FFmpegError, ValueError) as error:
         raise VideoError("The file is not a clip that can be read, or it is damaged or cut short.") from error
+
+
+def _readable(tags: Mapping[str, str]) -> dict[str, str]:
+    """Tags in which what is no UTF-8, which PyAV 19 leaves as lone surrogates, is replaced as by older ones."""
+    return {name: value.encode("utf-8", "surrogateescape").decode("utf-8", "replace") for name, value in tags.items()}
 
 
 def _check_file(path: Path) -> None:
@@ -505,9 +521,9 @@ def _clip_duration(container: Any, stream: Any, start: float) -> float:
     return (container.duration or 0) / 1e6 if len(container.streams) == 1 else 0.0  # sound may last longer
 
 
-def _picture_duration(picture: Any) -> float:
-    """Seconds that a picture says it is shown; 0 unknown."""
-    return float(picture.duration * picture.time_base) if picture.duration and picture.time_base else 0.0
+def _picture_duration(picture: Any, packet_ticks: int) -> float:
+    """Seconds that a picture is shown; 0 unknown. PyAV 14 knows the last packet's duration alone."""
+    return float(getattr(picture, "duration", packet_ticks) * (picture.time_base or 0))
 
 
 def _check_pixel_count(width: int, height: int) -> None:

@@ -104,6 +104,35 @@ def test_estimate_as_json(network: Path, photo_path: Path, expected: Lighting) -
     assert (result.exit_code, result.stderr) == (0, "")
 
 
+def test_estimate_also_writes_records(network: Path, photo_path: Path, tmp_path: Path) -> None:
+    one, several = tmp_path / "light.json", tmp_path / "lights.jsonl"
+    options = ("--model", network)
+    plain = invoke_command("estimate", photo_path, *options).stdout
+    as_json = invoke_command("estimate", photo_path, *options, "--json").stdout
+    assert invoke_command("estimate", photo_path, *options, "-o", one).stdout == f"{plain}Wrote {one}.\n"
+    assert one.read_text() == as_json
+    assert invoke_command("estimate", photo_path, *options, "-o", "-").stdout == as_json
+    result = invoke_command("estimate", "absent.jpg", photo_path, *options, "-o", several)
+    assert result.exit_code == 1
+    assert [set(json.loads(line)) for line in several.read_text().splitlines()] == [
+        {"file", "error"},
+        {"file", "lighting"},
+    ]
+    again = invoke_command("estimate", photo_path, *options, "-o", one)
+    assert error_of(again) == f"{one} is there already; --overwrite replaces it."
+    assert invoke_command("estimate", photo_path, *options, "-o", one, "--overwrite", "-q").exit_code == 0
+    wrong = error_of(invoke_command("estimate", photo_path, photo_path, *options, "-o", one), status=2)
+    assert wrong.endswith(f"{one} must end in .jsonl.")
+
+
+def test_light_probe_goes_to_a_file(network: Path, photo_path: Path, tmp_path: Path) -> None:
+    command, file = ("light-probe", photo_path, "--model", network), tmp_path / "probe.json"
+    assert invoke_command(*command, "-o", file).stdout == f"Wrote {file}.\n"
+    assert file.read_text() == invoke_command(*command).stdout == invoke_command(*command, "-o", "-").stdout
+    again = invoke_command(*command, "-o", file)
+    assert error_of(again) == f"{file} is there already; --overwrite replaces it."
+
+
 def test_json_of_a_photo_inside_a_border_says_where_it_lies(network: Path, tmp_path: Path) -> None:
     with Image.open(EXAMPLE) as example:
         photo = example.convert("RGB").resize((480, 270))
@@ -233,7 +262,7 @@ def test_the_place_has_detail_unless_a_smooth_one_is_wanted(
 
 def test_the_place_can_be_asked_of_any_network(network: Path, photo_path: Path, tmp_path: Path) -> None:
     invoke_command(
-        "envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--surroundings", "--model", network
+        "envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--around", "photo", "--model", network
     )
     image, lighting = read_exr(tmp_path / "a.exr")
     assert lighting is not None

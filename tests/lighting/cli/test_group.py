@@ -10,6 +10,7 @@ import click
 import pytest
 
 from lighting import __version__
+from lighting.cli import Command
 from tests.helpers.processes import invoke_command, list_commands, run_command, wait_for_state
 
 COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
@@ -35,6 +36,23 @@ def test_every_option_has_help() -> None:
     for command in list_commands().values():
         for option in command.params:
             assert isinstance(option, click.Argument) or getattr(option, "help", None), (command.name, option.name)
+
+
+@pytest.mark.parametrize("name", ["envmap", "scene", "batch", "video"])
+def test_a_long_help_has_five_sections(name: str) -> None:
+    """Each option stands in one; those of envmap that people use are on the first screen."""
+    command = list_commands()[name]
+    assert isinstance(command, Command)
+    context = click.Context(command, info_name=name)
+    sections = command.option_sections(context)
+    groups = [title for title in sections if title != "Options"]
+    assert groups == ["Output", "Light", "Place", "Photo", "Map"]
+    shown = [names for records in sections.values() for names, _ in records]
+    options = [p for p in command.get_params(context) if isinstance(p, click.Option) and not p.hidden]
+    assert len(shown) == len(set(shown)) == len(options)
+    screen = "\n".join(invoke_command("envmap", "--help").stdout.splitlines()[:24])
+    assert all(option in screen for option in ("--output", "--preview", "--height", "--sun", "--exposure", "--haze"))
+    assert ("Options" in sections) == (name in ("scene", "batch", "video"))
 
 
 @pytest.mark.parametrize("group", [[], ["probe"], ["stereo"]], ids=lambda c: " ".join(c) or "lighting")
