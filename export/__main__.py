@@ -216,7 +216,7 @@ def _onnx(
     """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
     from export.networks.onnx_export import write_onnx
     from export.networks.weights import read_spec
-    from lighting.model import weights_path
+    from lighting.onnx_session import weights_path
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"

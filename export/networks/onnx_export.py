@@ -39,7 +39,8 @@ from export.networks.weights import (
 )
 from lighting.errors import ModelError
 from lighting.geometry import angles
-from lighting.model import OUTPUTS, Model, weights_path
+from lighting.model import OUTPUTS, Model
+from lighting.onnx_session import weights_path
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 

@@ -30,8 +30,8 @@ from export.networks.onnx_export import (
 from export.networks.outdoor import build_network, network_specs
 from export.networks.weights import average_weights, read_network, read_record, read_spec, write_run
 from lighting.errors import LightingError
-from lighting.model import Model, weights_path
-from lighting.onnx_session import create_session
+from lighting.model import Model
+from lighting.onnx_session import create_session, weights_path
 from lighting.sun_grid import grid_directions
 
 RNG = np.random.default_rng(5)
