@@ -1,7 +1,7 @@
 """Checksums of this package's networks and tables: a damaged file gives an error in place of another light.
 
-Each file is read as rows of 4 KiB. The checksum is the CRC-32 [1] of every row's XOR, of the sum of all rows by columns
-of 8 bytes, and of the rest: a parity check in two dimensions. It takes a third of the time of a CRC over all bytes.
+Each file is read as rows of 4 KiB, in columns of 8 bytes. The checksum is a CRC-32 [1] of each row's XOR, of each
+column's sum, and of the rest: a parity check in two dimensions. It takes a third of the time of a CRC of all bytes.
 `python -m scripts.checksums` writes the list.
 
 References:
