@@ -41,7 +41,7 @@ def compute_checksum(stream: BufferedIOBase) -> str:
     return f"{checksum:08x}"
 
 
-def check_file(file: Path) -> None:
+def verify_checksum(file: Path) -> None:
     """Raise ModelError for a file of this package that is damaged or missing; any other file passes.
 
     Args:
@@ -73,7 +73,7 @@ def read_checked(name: str) -> bytes:
     return data
 
 
-def check_all() -> int:
+def verify_checksums() -> int:
     """Check every network and table of this package, and return how many there are.
 
     Raises:
@@ -81,7 +81,7 @@ def check_all() -> int:
     """
     names = _read_list()
     for name in names:
-        check_file(DATA_FOLDER / name)
+        verify_checksum(DATA_FOLDER / name)
     return len(names)
 
 

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from lighting.checksum import check_file
+from lighting.checksum import verify_checksum
 from lighting.errors import ModelError
 from lighting.runtime import available_cpus
 
@@ -46,7 +46,7 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> An
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")
     for part in (file, weights_path(file)):
-        check_file(part)
+        verify_checksum(part)
     try:
         disabled = {*_REORDERING, *(_SLOW if for_one_run else ())}
         providers = ["CPUExecutionProvider"]

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lighting import __version__
-from lighting.checksum import check_all
+from lighting.checksum import verify_checksums
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import (
@@ -222,7 +222,7 @@ def _findings() -> Iterator[_Finding]:
     system = f"{platform.system()} {platform.machine()}, {Path(sys.prefix)}"
     yield _Finding("lighting", True, f"{__version__}, Python {platform.python_version()}, {system}", needed=True)
     yield _Finding("libraries", True, ", ".join(f"{name} {_version(name)}" for name in _LIBRARIES))
-    yield _check("data", lambda: f"{check_all()} networks and tables are intact")
+    yield _check("data", lambda: f"{verify_checksums()} networks and tables are intact")
     yield from _find_changed_files()
     yield _check("network", _check_network)
     yield _check("answer", _estimate_gray)

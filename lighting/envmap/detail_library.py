@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image as Pictures
 from PIL import ImageEnhance, WebPImagePlugin
 
-from lighting.checksum import DATA_FOLDER, check_file
+from lighting.checksum import DATA_FOLDER, verify_checksum
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.appearance import PhotoSamples, shows_snow
 from lighting.envmap.latlong import Image, blur_cells, column_blocks, multiply_cells, shrink_envmap
@@ -134,7 +134,7 @@ class PhotoFeatures:
 @lru_cache(maxsize=1)
 def load_detail_library() -> _DetailLibrary:
     """The library in this package; ModelError where its file is damaged."""
-    check_file(LIBRARY_PATH)
+    verify_checksum(LIBRARY_PATH)
     with LIBRARY_PATH.open("rb") as file:
         table, begin = np.load(file), file.tell()
     ends = begin + np.cumsum(table["size"])

@@ -10,7 +10,14 @@ from pathlib import Path
 import pytest
 
 import lighting.checksum as checksum
-from lighting.checksum import CHECKSUMS, DATA_FOLDER, check_all, check_file, compute_checksum, list_checksums
+from lighting.checksum import (
+    CHECKSUMS,
+    DATA_FOLDER,
+    compute_checksum,
+    list_checksums,
+    verify_checksum,
+    verify_checksums,
+)
 from lighting.envmap.detail_library import load_detail_library
 from lighting.errors import ModelError
 from lighting.model import Model
@@ -62,7 +69,7 @@ def damaged_copy(folder: Path, name: str, data: bytes | None) -> Path:
 
 def test_every_network_and_table_is_listed() -> None:
     assert (DATA_FOLDER / CHECKSUMS).read_text() == list_checksums(), "python -m scripts.checksums"
-    assert check_all() == len(LOADERS)
+    assert verify_checksums() == len(LOADERS)
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
@@ -94,7 +101,7 @@ def test_a_damaged_file_is_named(
     monkeypatch.setattr("lighting.model.DATA_FOLDER", copy)
     monkeypatch.setattr("lighting.stereo.solver.DATA_FOLDER", copy)
     monkeypatch.setattr("lighting.envmap.detail_library.LIBRARY_PATH", copy / "detail.npy")
-    for check in (LOADERS[name], check_all):
+    for check in (LOADERS[name], verify_checksums):
         with pytest.raises(ModelError) as error:
             check()
         if data is not None or not name.endswith(".onnx"):
@@ -104,8 +111,8 @@ def test_a_damaged_file_is_named(
 
 def test_other_files_than_the_package_s_pass(tmp_path: Path) -> None:
     (tmp_path / "prague.f16").write_bytes(b"another's")
-    check_file(tmp_path / "prague.f16")
-    check_file(tmp_path / "absent")
+    verify_checksum(tmp_path / "prague.f16")
+    verify_checksum(tmp_path / "absent")
 
 
 @pytest.mark.parametrize("text", [None, "", "no checksum of any file"])
