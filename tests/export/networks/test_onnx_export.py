@@ -24,6 +24,7 @@ from export.networks.onnx_export import (
     _merge_equal_nodes,
     _parity,
     _save_graph,
+    quantize_products,
     store_small,
     write_onnx,
 )
@@ -65,6 +66,18 @@ def answer(network: ModelProto, x: NDArray[np.float32]) -> NDArray[np.float32]:
     options.add_session_config_entry("session.disable_quant_qdq", "1")  # as lighting.onnx has it
     session = onnxruntime.InferenceSession(network.SerializeToString(), options, providers=["CPUExecutionProvider"])
     return np.asarray(session.run(None, {"x": x})[0])
+
+
+def test_products_of_whole_numbers_are_near_and_the_same_for_each_row_count() -> None:
+    wide = RNG.normal(size=(400, 300)).astype(np.float32)
+    network = model((wide,))
+    x = RNG.normal(size=(5, 400)).astype(np.float32)
+    before = answer(network, x)
+    quantize_products(network)
+    after = answer(network, x)
+    assert TensorProto.INT8 in kinds(network)
+    assert np.abs(after - before).max() < 0.02 * np.abs(before).max()
+    np.testing.assert_array_equal(answer(network, x[::-1]), after[::-1])
 
 
 def kinds(network: ModelProto) -> set[int]:
