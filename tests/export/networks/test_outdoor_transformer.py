@@ -19,7 +19,7 @@ SPEC = network_specs("0")["transformer"]
 @pytest.fixture(scope="module")
 def network() -> OutdoorTransformer:
     torch.manual_seed(0)
-    return OutdoorTransformer(SPEC).eval()
+    return OutdoorTransformer(SPEC, has_surroundings=True).eval()
 
 
 def answers(network: torch.nn.Module, photo: torch.Tensor) -> NetworkOutput:
@@ -62,7 +62,7 @@ def test_the_empty_canvas_does_not_count(network: OutdoorTransformer) -> None:
 
 
 def test_constants_multiplied_out_leave_the_answers(network: OutdoorTransformer) -> None:
-    folded = OutdoorTransformer(SPEC).eval()
+    folded = OutdoorTransformer(SPEC, has_surroundings=True).eval()
     with torch.no_grad():
         for block in network.trunk.blocks:
             for name, value in block.named_parameters():
