@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from urllib.parse import urljoin
 
 import pytest
 from PIL import Image
@@ -353,11 +354,19 @@ def test_a_process_that_cannot_start_ends_with_the_sentence_alone() -> None:
 
 
 @pytest.mark.slow
-def test_links_name_the_path_that_a_proxy_took_away(network: Path) -> None:
-    with started(network, concurrency=1, root_path="/tools/light") as server:
+@pytest.mark.parametrize("root", ["", "/tools/light"])
+def test_links_lead_to_the_map_below_the_path_that_a_proxy_took_away(network: Path, root: str) -> None:
+    """Whether or not the service knows that path."""
+    with started(network, concurrency=1, root_path=root) as server:
         link = json.loads(server.request("POST", "/v1/lighting", PHOTO)[1])["links"]["envmap"]
-        assert link.startswith("/tools/light/v1/envmap?")
-        assert server.request("GET", link.removeprefix("/tools/light") + "&height=16")[0] == 200
+        outside = urljoin("https://example.org/tools/light/v1/lighting", link)
+        assert outside.startswith("https://example.org/tools/light/v1/envmap?")
+        assert server.request("GET", outside.removeprefix("https://example.org/tools/light") + "&height=16")[0] == 200
+
+
+@pytest.mark.slow
+def test_the_service_names_the_path_that_a_proxy_took_away(network: Path) -> None:
+    with started(network, concurrency=1, root_path="/tools/light") as server:
         assert json.loads(server.request("GET", "/openapi.json")[1])["servers"][0]["url"] == "/tools/light"
         assert json.loads(server.request("GET", "/nowhere")[1])["instance"] == "/tools/light/nowhere"
         assert server.request("GET", "/")[0] == server.request("GET", "/favicon.ico")[0] == 200
