@@ -3,7 +3,7 @@
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qs, urljoin, urlsplit
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
-from server.responses import _envmap_path, _sun_probability, estimate_to_json, is_fresh
+from server.responses import _sun_probability, estimate_to_json, is_fresh
 from server.routes import _read_accuracy
 from server.schemas import LightingEstimate, ModelCard
 from tests.conftest import TINY
@@ -36,9 +36,21 @@ def request(if_none_match: str) -> Request:
     return Request({"type": "http", "headers": [(b"if-none-match", if_none_match.encode())]})
 
 
-def test_the_link_has_the_parameters_of_the_light_under_the_services_root() -> None:
-    link = urlsplit(_envmap_path(LIGHT, "/light"))
-    assert link.path == "/light/v1/envmap"
+def linked(light: Lighting, path: str = "/v1/lighting") -> SplitResult:
+    """The link to a light's map in the answer to a request."""
+    answer = PhotoAnswer(EstimatedLight(light, ANSWERS_SUN), compute_light_probe(light))
+    asked = Request({"type": "http", "path": path})
+    return urlsplit(estimate_to_json(asked, answer, LightingQuery())["links"]["envmap"])
+
+
+@pytest.mark.parametrize("path", ["/v1/lighting", "/v1/lightings", "/v2/models/outdoor/infer"])
+def test_the_link_is_relative_to_the_requests_url(path: str) -> None:
+    for root in ("", "/tools/light"):
+        assert urljoin(f"{root}{path}", linked(LIGHT, path).path) == f"{root}/v1/envmap"
+
+
+def test_the_link_has_the_parameters_of_the_light() -> None:
+    link = linked(LIGHT)
     said = {name: values[0] for name, values in parse_qs(link.query).items()}
     assert said.pop("sun") == "false"
     assert SkyQuery.model_validate(said).to_lighting() == Lighting(
@@ -55,13 +67,13 @@ def test_the_link_has_the_strength_of_the_light_where_it_is_known() -> None:
         sky_cover=0.2,
         ground_color=(0.12, 0.11, 0.1),
     )
-    said = {name: values[0] for name, values in parse_qs(urlsplit(_envmap_path(strong, "")).query).items()}
+    said = {name: values[0] for name, values in parse_qs(linked(strong).query).items()}
     assert said["sun"] == "true"
     query = SkyQuery.model_validate(said)
     assert query.sky == "preetham"
     assert replace(query.to_lighting(), sky_model="preetham", sun_visibility=0.1) == strong
     painted = replace(LIGHT, sky_painted="prague")
-    assert parse_qs(urlsplit(_envmap_path(painted, "")).query)["sky"] == ["prague"]
+    assert parse_qs(linked(painted).query)["sky"] == ["prague"]
 
 
 @pytest.mark.parametrize(
