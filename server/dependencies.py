@@ -135,7 +135,7 @@ class PhotoMatcher:
             return estimates
         warning = CodedWarning(f"{self.failure} {ROTATION_INFERRED}", WarningCode.TURN_INFERRED)
         warned = [replace(e.lighting, warnings=(*e.lighting.warnings, warning)) for e in estimates]
-        return [replace(e, lighting=lighting) for e, lighting in zip(estimates, warned, strict=True)]
+        return [replace(e, lighting=one, photo_lighting=one) for e, one in zip(estimates, warned, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,22 +260,16 @@ class Service:
             seconds: time limit; None is that of a request.
             target: pixels along the longer side, at least, if the photo has them.
         """
-        photo = self.reread_photo(data, target, seconds)
+        photo = read_photo_isolated(
+            data,
+            max_bytes=self.settings.max_bytes,
+            max_pixels=self.settings.max_pixels,
+            target=target,
+            seconds=self.settings.decode_seconds if seconds is None else seconds,
+        )
         self.metrics.photo_bytes.inc(len(data))
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
-
-    def reread_photo(self, data: bytes, target: int, seconds: float | None = None) -> Photo:
-        """The same without counting: the photo again, in more pixels for people to look at."""
-        seconds = self.settings.decode_seconds if seconds is None else seconds
-        with trace_step("decode"):
-            return read_photo_isolated(
-                data,
-                max_bytes=self.settings.max_bytes,
-                max_pixels=self.settings.max_pixels,
-                target=target,
-                seconds=seconds,
-            )
 
     def estimate(
         self,

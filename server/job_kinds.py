@@ -20,10 +20,10 @@ from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, TypeVar
 
-from lighting.envmap.relighting import Adjustments
 from lighting.errors import ErrorCode, LightingError, VideoError
-from lighting.files import escape_undecodable
+from lighting.files import FileOptions, escape_undecodable
 from lighting.fusion.user_input import UserInput
+from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
 from lighting.records import Json
 from lighting.runtime import begin_helper, confine_to_folder, limit_address_space
 from lighting.tracing import listen_to_steps, trace_step
@@ -129,14 +129,12 @@ def _user_input(request: Json) -> UserInput:
     return UserInput(**{**stated, "time": datetime.fromisoformat(time) if time else None})
 
 
-def _adjustments(options: Json) -> Adjustments | None:
-    stated = options["adjustments"]
-    return stated and Adjustments(**{**stated, "sun": stated["sun"] and tuple(stated["sun"])})
-
-
-def _map_options(options: Json) -> Any:
-    detail = options.get("detail", True)  # requests of earlier versions, which wait on disk, have none
-    return {"sun": options["sun"], "detail": detail, "adjustments": _adjustments(options)}
+def _view(options: Json, without_detail: str) -> MapOptions:
+    """The options of maps, also of a request of 0.2.0, which waits on disk."""
+    if "view" in options:
+        return MapOptions.of_json(options["view"])
+    around = around_of_switches(None, options.get("detail", True), without_detail)
+    return MapOptions.of_json({**{name: options[name] for name in ("height", "sun", "adjustments")}, "around": around})
 
 
 def _process_clip(request: Json, report: Report) -> Sequence[str]:
@@ -147,8 +145,7 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
 
     limit_address_space(_MEMORY)
     options = request["options"]
-    view = _map_options(options)
-    outputs = OutputOptions(options["height"], tool=options["tool"], film=options["preview"], **view)
+    outputs = OutputOptions(_view(options, Around.PLAIN), options["tool"], film=options["preview"])
     job = VideoJob(Path(request["upload"]), _OUT, _user_input(request), options["every"], outputs)
     with Clip(job.source) as clip:
         duration = max(clip.info.duration, 1e-3)
@@ -167,14 +164,15 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
 
 def _estimate_photos(request: Json, report: Report) -> Sequence[str]:
     """`lighting batch`."""
-    from lighting.batch.job import BatchJob, MapOptions
+    from lighting.batch.job import BatchJob, MapOutput
     from lighting.batch.pool import open_batch, run_pool
     from lighting.batch.results import find_photos
 
     renamed = _unpack(Path(request["upload"]), request["max_bytes"] // 2)
     source, names = find_photos(str(_PHOTOS))
     options = request["options"]
-    maps = MapOptions(options["height"], **_map_options(options)) if options["envmap"] else None
+    file = FileOptions(**options.get("file", {}))
+    maps = MapOutput(_view(options, Around.PHOTO), file) if options["envmap"] else None
     job = BatchJob(source, str(_OUT), request["model"], maps, user_input=_user_input(request))
     with open_batch(job) as journal:
         for done, _ in enumerate(run_pool(job, names, journal, workers=1), 1):
@@ -293,11 +291,12 @@ def _create_file(name: str) -> BinaryIO:
 
 
 _USER_INPUT = frozenset({"metadata", "time", "utc_offset", "latitude", "longitude", "heading", "vertical_fov"})
-MAP_OPTIONS = frozenset({"height", "detail", "sun", "exposure", "haze", "overcast"})
+_CLIP_OPTIONS = frozenset({"height", "around", "sun", *option_texts(Adjustments)})
+MAP_OPTIONS = _CLIP_OPTIONS | frozenset({*option_texts(MapOptions), *option_texts(FileOptions)})
 JOB_KINDS = {
     "video": _JobKind(
         "a clip",
-        _USER_INPUT | MAP_OPTIONS | {"camera_height", "keep_location", "every", "for", "preview"},
+        _USER_INPUT | _CLIP_OPTIONS | {"camera_height", "keep_location", "every", "for", "preview"},
         _process_clip,
     ),
     "photos": _JobKind(

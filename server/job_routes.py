@@ -1,7 +1,7 @@
 """Long jobs over HTTP: submit a clip or a ZIP of photos, ask how far it is, take the result, delete it."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
@@ -13,8 +13,8 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from pydantic import Field, model_validator
 
-from lighting.envmap.relighting import Adjustments
 from lighting.fusion.user_input import UserInput
+from lighting.map_options import Around
 from lighting.records import Json
 from lighting.scene import animated_tools
 from server import field_types as types
@@ -26,7 +26,7 @@ from server.job_store import JobState, StoredJob
 from server.jobs import JobRunner
 from server.limits import BusyError, client_of_request
 from server.problems import ProblemError, problem_responses
-from server.query_params import AdjustQuery, UserInputQuery, refuse_parameters
+from server.query_params import AdjustQuery, MapQuery, PlaceQuery, UserInputQuery, refuse_parameters
 from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
 from server.responses import ZIP_TYPE, link_from
 from server.schemas import JobRecord
@@ -53,7 +53,7 @@ _OFF = "This service takes no jobs; its operator can turn them on by LIGHTING_JO
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=FormRoute)
 
 
-class _JobQuery(UserInputQuery, AdjustQuery):
+class _JobQuery(UserInputQuery, AdjustQuery, PlaceQuery, MapQuery):
     """What a job does, and what is known of its photos."""
 
     kind: Annotated[str, RegistryName(JOB_KINDS)] = Field(
@@ -65,10 +65,6 @@ class _JobQuery(UserInputQuery, AdjustQuery):
     )
     preview: types.Flag = Field(False, description="of a clip: also the clip with horizon, sun and balls drawn in")
     envmap: types.Flag = Field(False, description="of photos: also the environment map of each")
-    detail: types.Flag = Field(
-        True, description="add fine detail to maps, all around; without it, a clip's maps show sky and ground"
-    )
-    height: types.Height = 512
     camera_elevation: types.CameraElevation = 0.0
     camera_roll: types.CameraRoll = 0.0
 
@@ -88,16 +84,19 @@ class _JobQuery(UserInputQuery, AdjustQuery):
         """The request of a job's process."""
         known = self.user_input()
         stated = {field.name: getattr(known, field.name) for field in fields(UserInput)}
-        names = ("every", "tool", "preview", "envmap", "detail", "height", "camera_elevation", "camera_roll")
-        adjustments = self.adjustments()
+        names = ("every", "tool", "preview", "envmap", "camera_elevation", "camera_roll")
+        options = {name: getattr(self, name) for name in names}
         return {
             "kind": self.kind,
             "upload": upload,
             "model": model,
             "user_input": {**stated, "time": known.time.isoformat() if known.time else None},
-            "options": {name: getattr(self, name) for name in names}
-            | {"sun": self.sun_in_map, "adjustments": None if adjustments == Adjustments() else asdict(adjustments)},
+            "options": {**options, "view": asdict(self.view()), "file": asdict(self.file_options())},
         }
+
+    @classmethod
+    def _without_detail(cls, values: Mapping[str, Any]) -> str:
+        return Around.PLAIN.value if values.get("kind") == "video" else super()._without_detail(values)
 
 
 async def _get_jobs(service: ServiceDep) -> JobRunner:

@@ -19,7 +19,6 @@ from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from lighting import __version__
-from lighting.envmap.relighting import adjust_lighting
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
 from lighting.model import METRICS
@@ -172,7 +171,7 @@ async def _render_envmap(request: Request, admission: AdmissionDep, query: Annot
     if unchanged:
         return unchanged
     data = await admission.run(tasks.encode_envmap_of_lighting, query.to_lighting(), query)
-    return _map_response(data, query.format, headers)
+    return _map_response(data, query, headers)
 
 
 @router.post(
@@ -191,11 +190,10 @@ async def _estimate_envmap(
     """
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        lighting = adjust_lighting(source, query.adjustments())
-        data = await admission.run(tasks.encode_envmap_of_lighting, lighting, query)
+        data = await admission.run(tasks.encode_envmap_of_lighting, source, query)
     else:
         data = await admission.run(tasks.encode_envmap_of_photo, admission.service, source, query)
-    return _map_response(data, query.format)
+    return _map_response(data, query)
 
 
 @_get_file("/light-probe", summary="The light probe of a sky", responses={200: _PROBE_RESPONSE, **_SKY_ANSWERS})
@@ -223,8 +221,7 @@ async def _estimate_probe(
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        lighting = adjust_lighting(source, query.adjustments())
-        data = await admission.run(tasks.encode_probe_of_lighting, lighting, query)
+        data = await admission.run(tasks.encode_probe_of_lighting, source, query)
     else:
         data = await admission.run(tasks.encode_probe_of_photo, admission.service, source, query)
     return Response(data, media_type=JSON_TYPE)
@@ -432,9 +429,9 @@ def _parse_request(body: bytes, length: str) -> tuple[Json, bytes]:
     return header, data[_LENGTH_BYTES:]
 
 
-def _map_response(data: bytes, format: str, headers: dict[str, str] | None = None) -> Response:
+def _map_response(data: bytes, query: queries.MapQuery, headers: dict[str, str] | None = None) -> Response:
     """An environment map as a file."""
-    return Response(data, media_type=MAP_FORMATS[format].media_type, headers=headers)
+    return Response(data, media_type=MAP_FORMATS[query.file_options().format].media_type, headers=headers)
 
 
 def _scene_response(data: bytes, warnings: Sequence[str], headers: dict[str, str] | None = None) -> Response:

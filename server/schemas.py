@@ -12,7 +12,7 @@ from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, WarningCode
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
 from server import field_types as types
-from server.field_types import InRange, parameter_range
+from server.field_types import InRange, RegistryName, parameter_range
 
 
 def _rgb_field(meaning: str, example: list[float]) -> Any:
@@ -21,6 +21,7 @@ def _rgb_field(meaning: str, example: list[float]) -> Any:
 
 
 # Of a list of any length only the first wrong item is named: half a million would take a second.
+_SkyName = Annotated[str, RegistryName(SKY_MODELS)]
 _Numbers = Annotated[list[float], FailFast()]
 _Texts = Annotated[list[str], FailFast()]
 
@@ -64,10 +65,8 @@ class LightingRecord(_Part):
             b: _Numbers = []
             radiance: _Numbers = []
 
-        model: types.SkyName = SKY_MODEL
-        painted: types.SkyName | None = Field(
-            None, description="what paints the sky of maps, where it is another model"
-        )
+        model: _SkyName = SKY_MODEL
+        painted: _SkyName | None = Field(None, description="what paints the sky of maps, where it is another model")
         turbidity: types.Turbidity
         irradiance: list[types.Irradiance] | None = _rgb_field(types.SKY_IRRADIANCE, [0.5, 0.6, 0.9])
         cover: types.SkyCover | None = None

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import uvicorn
+import yaml
 from packaging.version import Version
 
 from lighting.photo.reader import memory_budget
@@ -18,7 +19,6 @@ from server.limits import PLACE_BYTES
 from server.settings import PREFIX, Settings
 from tests.helpers.pages import ROOT
 
-yaml = pytest.importorskip("yaml", reason="needs PyYAML, which schemathesis brings")
 IDLE, DECODER, MATCHER = (
     300_000_000,
     50_000_000,

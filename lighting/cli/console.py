@@ -32,7 +32,7 @@ from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable, join_w
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe
-    from lighting.photo.reader import PhotoCrop
+    from lighting.photo.reader import Photo, PhotoCrop
     from lighting.records import Lighting
 
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
@@ -339,6 +339,19 @@ def read_photo_bytes(name: str) -> bytes:
         raise _no_name()
     check_photo(name)
     return read_bytes(Path(name))
+
+
+def read_photo(name: str, target: int | None = None) -> "Photo":
+    """Read the photo in a file; raises as `read_photo_bytes`, and PhotoError for what is no photo.
+
+    Args:
+        name: of the file, beside which sidecars may lie; "-" is stdin.
+        target: pixels of its longer side to keep; None keeps what the network needs.
+    """
+    import lighting.photo.reader as reader
+
+    data = read_photo_bytes(name)
+    return reader.read_photo(data, target=target or reader.TARGET, path=path_of(name))
 
 
 @contextmanager

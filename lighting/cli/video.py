@@ -15,6 +15,7 @@ from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
 from lighting.cli.photos import strict_status
 from lighting.files import escape_undecodable, output_folder_error
+from lighting.map_options import Around
 from lighting.scene import EXPORTERS, animated_tools
 
 if TYPE_CHECKING:
@@ -45,13 +46,7 @@ if TYPE_CHECKING:
 @click.option("--for", "tool", type=RegistryChoice(animated_tools), help="Also a scene, its camera with key frames.")
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
-@click.option(
-    "--detail/--no-detail",
-    default=True,
-    help="Show the place in the maps, with detail all around; else sky and ground.  [default: detail]",
-)
-@common.height_option
-@common.adjustment_options
+@common.map_options("height", "sun", "around", "adjustments", without_detail=Around.PLAIN)
 @common.user_input_options
 @common.model_option
 @common.strict_option

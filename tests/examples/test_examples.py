@@ -127,6 +127,7 @@ def pictures(notebook: Any) -> list[tuple[int, int]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.name)
+@pytest.mark.needs("nbclient")
 def test_a_notebook_gives_what_it_shows(file: Path, tmp_path: Path) -> None:
     """Where this fails, run `python -m scripts.run_notebook NAME`."""
     again = tmp_path / "again.ipynb"

@@ -2,7 +2,6 @@
 
 import http.client
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import pytest
 
 from server.limits import PLACE_BYTES
 from tests.helpers.pages import ROOT
+from tests.helpers.requirements import require
 from tests.helpers.service import PHOTO, Server, started
 
 pytestmark = [
@@ -176,14 +176,11 @@ def _start_caddy(command: list[str], variables: dict[str, str]) -> tuple[subproc
 @contextmanager
 def behind_caddy(server: Server, folder: Path) -> Iterator[int]:
     """The port of a Caddy with this project's Caddyfile in front of a service."""
-    program = shutil.which("caddy")
-    if not program:
-        pytest.skip("caddy is not installed")
     config = folder / "Caddyfile"
     config.write_text((ROOT / "Caddyfile").read_text().replace("{\n", "{\n\tadmin off\n", 1))
     variables = {"SERVICE": f"127.0.0.1:{server.port}", "MAX_BYTES": "64000000"}
     variables |= {"UPLOAD_SECONDS": "60", "HEADER_SECONDS": "10", "HOME": str(folder)}
-    command = [program, "run", "--config", str(config), "--adapter", "caddyfile"]
+    command = [require("caddy"), "run", "--config", str(config), "--adapter", "caddyfile"]
     process, port = _start_caddy(command, os.environ | variables)
     with process:
         try:

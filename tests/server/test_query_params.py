@@ -70,7 +70,8 @@ def test_a_record_takes_nothing_that_describes_a_photo() -> None:
     refuse_photo_parameters(EnvmapQuery(sky="perez"))
     for query, field in (
         (EnvmapQuery(vertical_fov=50.0), "vertical_fov"),
-        (EnvmapQuery(surroundings=True), "surroundings"),
+        (EnvmapQuery(around="photo"), "around"),
+        (EnvmapQuery(surroundings=False), "around"),
     ):
         with pytest.raises(ProblemError) as caught:
             refuse_photo_parameters(query)
@@ -369,10 +370,19 @@ def test_a_compression_that_goes_with_no_such_format_is_named(client: TestClient
     assert [error["field"] for error in problem(answer, 422, "invalid")["errors"]] == ["compression"]
 
 
+def test_the_two_switches_of_former_days_say_what_is_around() -> None:
+    assert EnvmapQuery.model_validate({}).view().around == "place"
+    assert EnvmapQuery.model_validate({"surroundings": "true", "detail": "false"}).view().around == "photo"
+    assert EnvmapQuery.model_validate({"surroundings": "false", "detail": "true"}).view().around == "plain"
+    for old in ({"detail": "maybe"}, {"detail": "true", "around": "photo"}):
+        with pytest.raises(ValidationError, match=r"detail|around"):
+            EnvmapQuery.model_validate(old)
+
+
 def test_a_compression_goes_with_exr_alone_and_its_default_with_all() -> None:
-    assert MapQuery(format="png", compression="zip").compression == "zip"
-    assert MapQuery(format="exr", compression="pxr24").compression == "pxr24"
-    with pytest.raises(ValidationError, match="compression goes with format=exr"):
+    assert MapQuery(format="png", compression="zip").file_options().format == "png"
+    assert MapQuery(format="exr", compression="pxr24").file_options().compression == "pxr24"
+    with pytest.raises(ValidationError, match="compression goes with the format exr"):
         MapQuery(format="hdr", compression="pxr24")
 
 

@@ -310,7 +310,8 @@ def test_health_and_metadata(client: TestClient, monkeypatch: pytest.MonkeyPatch
 
 
 def test_tritons_client_gets_the_record(client: TestClient) -> None:
-    http = pytest.importorskip("tritonclient.http")
+    from tritonclient import http
+
     tensor = http.InferInput("photo", [1], "BYTES")
     tensor.set_data_from_numpy(np.array([PHOTO], dtype=object), binary_data=True)
     body, length = http.InferenceServerClient.generate_request_body([tensor])
@@ -338,7 +339,8 @@ def address(app: FastAPI) -> Iterator[str]:
 
 
 def test_tritons_client_asks_over_a_socket(address: str, app: FastAPI) -> None:
-    http = pytest.importorskip("tritonclient.http")
+    from tritonclient import http
+
     spec = app.state.service.estimator.model.spec
     client = http.InferenceServerClient(address)
     assert client.is_server_live()

@@ -109,6 +109,7 @@ def test_agreement_counts_suns_and_overcast_skies() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.needs("scipy")
 def test_a_folder_is_labelled_whole(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -114,7 +114,7 @@ def test_refuses_other_files() -> None:
         _read_tensors(b"PK\x03\x04")
 
 
+@pytest.mark.needs("mitsuba")
 def test_the_shipped_table_is_what_the_script_makes(tmp_path: Path) -> None:
-    pytest.importorskip("mitsuba")
     _make_hosek_wilkie_table(_installed_datasets(), tmp_path / "table.f32")
     assert (tmp_path / "table.f32").read_bytes() == HOSEK_WILKIE_TABLE.read_bytes()

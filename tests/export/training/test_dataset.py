@@ -38,7 +38,7 @@ def test_the_light_around_two_places_that_share_a_crop_is_in_the_exposure_of_eac
         torch.testing.assert_close(same[index].surroundings, scaled[index].surroundings, rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_samples_are_one_crop_of_each_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dataset, "DOWN", 1)
     rendered_towns.render_towns(tmp_path / "towns", 8, 16)

@@ -9,7 +9,6 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from lighting.model import Model
 from lighting.photo.reader import read_photo
 from lighting.records import record_with_coefficients
 from tests.conftest import encode, scene, write_network
+from tests.helpers.pool_work import ITEMS, environment, mortal, second_attempt, shout, stillborn, unable
 from tests.helpers.predictions import without_probe
 from tests.helpers.processes import MANY_PHOTOS, read_records, run_batch
 
@@ -300,49 +300,6 @@ def workers_of(pid: int) -> list[int]:
     """Processes that the pool of a process started."""
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
-
-
-ITEMS = [f"item {number}" for number in range(20)]
-
-
-def shout() -> Callable[[str], str]:
-    return str.upper
-
-
-def mortal(folder: Path) -> Callable[[str], str]:
-    """Dies on "poison" always, on "accident" once, and raises on "error"."""
-
-    def work(item: str) -> str:
-        if item == "error":
-            raise ModelError("It failed.")
-        mark = folder / "accident"
-        if item == "poison" or (item == "accident" and not mark.exists()):
-            mark.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-        return item.upper()
-
-    return work
-
-
-def unable() -> Callable[[str], str]:
-    raise ModelError("There is no network.")
-
-
-def stillborn() -> Callable[[str], str]:
-    os._exit(3)
-
-
-def second_attempt(folder: Path) -> Callable[[str], str]:
-    """The first process dies."""
-    try:
-        (folder / "started").touch(exist_ok=False)
-    except FileExistsError:
-        return str.upper
-    os._exit(3)
-
-
-def environment() -> Callable[[str], str]:
-    return lambda name: f"{os.environ[name]} {os.getpid()}"
 
 
 @pytest.mark.slow

@@ -105,7 +105,7 @@ def test_one_argument_too_many_is_named(tmp_path: Path) -> None:
         (["--lat", "48"], "--lat needs --lon too, such as --lat 48.14 --lon 11.58."),
         (["--longitude", "11"], "--lon needs --lat too, such as --lat 48.14 --lon 11.58."),
         (["--heading", "north"], "Invalid value for '--heading': 'north' is not a number such as 134.2."),
-        (["--haze", "thick"], "Invalid value for '--haze': 'thick' is not a number such as 3."),
+        (["--haze", "thick"], "Invalid value for '--haze': 'thick' is not a number such as 3.4."),
     ],
 )
 def test_errors_say_what_to_type(arguments: list[str], sentence: str) -> None:

@@ -408,4 +408,4 @@ def test_a_bad_or_idle_compression_is_wrong_usage(tmp_path: Path) -> None:
     removed = invoke_command("render", "absent.json", "-o", tmp_path / "a.exr", "--compression", "piz")
     assert "'piz' was removed; none changes no value either." in error_of(removed, 2)
     idle = invoke_command("render", "absent.json", "-o", tmp_path / "a.hdr", "--compression", "pxr24")
-    assert "--compression needs an output in .exr." in error_of(idle, 2)
+    assert "--compression goes with the format exr." in error_of(idle, 2)

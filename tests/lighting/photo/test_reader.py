@@ -67,7 +67,8 @@ def test_the_layout_in_memory_does_not_matter(same: Any) -> None:
 
 
 def test_pixels_that_are_read_only_are_taken_and_a_tensor_is() -> None:
-    torch = pytest.importorskip("torch")
+    import torch
+
     frozen = PIXELS.copy()
     frozen.flags.writeable = False
     assert np.array_equal(photo_from_array(frozen).pixels, PIXELS)
