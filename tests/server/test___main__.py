@@ -30,7 +30,11 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 QUERY = "sun_azimuth=10&sun_elevation=30&turbidity=3&exposure=0.02"
 LARGE_MAP = f"GET /v1/envmap?{QUERY}&height=1024&compression=none HTTP/1.1\r\nHost: x\r\n\r\n".encode()  # 25 MB
-ENDING = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
+each_signal = pytest.mark.parametrize(
+    "sign",
+    [signal.SIGTERM, *(pytest.param(s, marks=pytest.mark.thorough) for s in (signal.SIGINT, signal.SIGHUP))],
+    ids=lambda sign: sign.name,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -150,6 +154,7 @@ def test_a_photo_that_takes_too_long_is_413_and_the_next_one_is_read(network: Pa
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_66_slow_uploads_from_one_address_leave_the_others_alone(network: Path) -> None:
     allowed = Settings().uploads_per_client
     with started(network) as server:
@@ -187,7 +192,7 @@ def held(decoder: int) -> Iterator[None]:
 
 @pytest.mark.slow
 @linux
-@pytest.mark.parametrize("sign", ENDING, ids=lambda sign: sign.name)
+@each_signal
 def test_what_ends_all_processes_together_lets_the_running_photo_end_well(network: Path, sign: signal.Signals) -> None:
     """As a terminal that closes and a service manager send their signals."""
     with started(network, concurrency=1) as server:
@@ -206,7 +211,7 @@ def test_what_ends_all_processes_together_lets_the_running_photo_end_well(networ
 
 @pytest.mark.slow
 @linux
-@pytest.mark.parametrize("sign", ENDING, ids=lambda sign: sign.name)
+@each_signal
 def test_a_step_that_takes_longer_than_a_shutdown_does_not_hold_it(network: Path, sign: signal.Signals) -> None:
     with started(network, concurrency=1, shutdown_seconds=1, decode_seconds=60) as server, held(*server.decoders()):
         connection = server.send(PHOTO)
@@ -219,12 +224,12 @@ def test_a_step_that_takes_longer_than_a_shutdown_does_not_hold_it(network: Path
 
 @pytest.mark.slow
 @linux
-@pytest.mark.parametrize("first", ENDING, ids=lambda sign: sign.name)
-def test_a_sigint_in_a_shutdown_ends_it_at_once(network: Path, first: signal.Signals) -> None:
+@each_signal
+def test_a_sigint_in_a_shutdown_ends_it_at_once(network: Path, sign: signal.Signals) -> None:
     with started(network, concurrency=1, shutdown_seconds=60, decode_seconds=60) as server, held(*server.decoders()):
         with server.send(PHOTO):
             server.until("lighting_running", 1)
-            server.process.send_signal(first)
+            server.process.send_signal(sign)
             server.until_logged("Shutting down")
             server.process.send_signal(signal.SIGINT)
             assert server.process.wait(20) == -signal.SIGINT
@@ -374,7 +379,7 @@ def test_the_service_names_the_path_that_a_proxy_took_away(network: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", ["2", "auto"])
+@pytest.mark.parametrize("workers", ["2", pytest.param("auto", marks=pytest.mark.thorough)])
 def test_it_starts_where_a_host_says_how_many_processes_a_service_may_have(
     network: Path, monkeypatch: pytest.MonkeyPatch, workers: str
 ) -> None:
@@ -431,6 +436,7 @@ def test_nothing_imports_numpy_before() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs glibc's mallopt")
+@pytest.mark.thorough
 def test_the_buffers_of_photos_stay_with_the_process() -> None:
     """Of 20 buffers of 8 MB."""
     assert int(run(KEPT, "prepared")) > 120
