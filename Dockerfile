@@ -5,19 +5,22 @@
 
 FROM python:3.11.16-slim-bookworm@sha256:a36c24f9cbdf4fd0f52d67f0823eeac19c2028c637cecc392d97f980d4fec56b AS venv
 WORKDIR /build
-ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
-RUN python -m venv --without-pip /opt/venv
-COPY requirements.lock requirements-turns.lock requirements-traces.lock ./
+ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore \
+    UV_NO_CACHE=1 UV_COMPILE_BYTECODE=1 UV_PYTHON_DOWNLOADS=never UV_PROJECT_ENVIRONMENT=/opt/venv
+RUN python -m venv --without-pip /opt/uv && \
+    echo "uv==0.13.9 --hash=sha256:d7f459fe4fd247d830351c75686d3996ace3c6f3f728eb0e85a30b7ada0cef19 --hash=sha256:5435c5ce14a56431208ca0996416d310f1598e8c2c8ba707688985a16bb82dbe" > uv.txt && \
+    python -m pip --python /opt/uv/bin/python install --require-hashes --only-binary :all: --requirement uv.txt
+COPY pyproject.toml uv.lock ./
 # `--build-arg TURNS=1` adds OpenCV, which matches several photos with each other and is 160 MB.
 # `--build-arg TRACES=1` adds OpenTelemetry, for LIGHTING_OTLP_ENDPOINT.
 ARG TURNS=
 ARG TRACES=
-RUN python -m pip --python /opt/venv/bin/python install --require-hashes --only-binary :all: --requirement requirements.lock ${TURNS:+--requirement requirements-turns.lock} ${TRACES:+--requirement requirements-traces.lock}
-COPY pyproject.toml CHANGELOG.md README.md SECURITY.md LICENSE NOTICE ./
+RUN /opt/uv/bin/uv sync --frozen --no-build --no-install-project --python "$(command -v python)" ${TURNS:+--extra turns} ${TRACES:+--extra traces}
+COPY CHANGELOG.md README.md SECURITY.md LICENSE NOTICE ./
 COPY docs/ docs/
 COPY lighting/ lighting/
 COPY server/ server/
-RUN python -m pip --python /opt/venv/bin/python install --no-deps .
+RUN /opt/uv/bin/uv sync --locked --no-editable --inexact
 WORKDIR /opt/venv/lib/python3.11/site-packages/lighting/data
 RUN sha256sum --check --strict SHA256SUMS
 

@@ -22,7 +22,8 @@ from statistics import median
 
 from benchmarks.common import ROOT, make_photo
 from benchmarks.load import processor_time, started
-from tests.helpers.visits import missing, visit_feature
+from tests.helpers.requirements import REQUIREMENTS, find
+from tests.helpers.visits import visit_feature
 
 _EXAMPLE = ROOT / "examples" / "brick_street.jpg"
 
@@ -32,8 +33,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=5, help="visits of each kind")
     rounds = parser.parse_args().rounds
-    if lack := missing():
-        sys.exit(lack)
+    for name in ("node", "chromium", "server/web"):
+        if find(name) is None:
+            sys.exit(f"{REQUIREMENTS[name].title} is missing: {REQUIREMENTS[name].line}")
     print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}")
     print(f"{'':36}{'headline':>10}{'answer':>10}{'browser CPU':>14}{'service CPU':>14}")
     with (

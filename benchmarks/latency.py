@@ -51,10 +51,11 @@ from export.data.rendered_towns import find_llvm
 from lighting.calibration import MAX_SIDE, calibrate_from_lines
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.render import render
-from lighting.envmap.surroundings import PhotoContext, photo_context_for_height, render_with_surroundings
+from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.estimator import Estimator
 from lighting.files.exr import _prepare_compression, write_exr
 from lighting.geometry import latlong_directions
+from lighting.map_options import MapOptions
 from lighting.model import preprocess, resize_to_input
 from lighting.photo.reader import TARGET, read_photo
 from lighting.photo.sandbox import read_photo_isolated
@@ -178,13 +179,7 @@ def measure_parts(
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:
-        reread = read_photo(jpeg)
-        answer = estimator(reread)
-        surroundings = photo_context_for_height(
-            answer, reread.pixels, height, lambda side: read_photo(jpeg, target=side).pixels, surroundings=True
-        )
-        assert surroundings is not None
-        write_exr(next(exr), render_with_surroundings(answer.lighting, surroundings, height, sun=True), answer.lighting)
+        estimator(read_photo(jpeg)).render(MapOptions(height, sun=True)).write(next(exr), consume=True)
 
     directions = latlong_directions(height)
     mitsuba, above = mitsuba_evaluator(light, directions), mitsuba_evaluator(light, directions[: height // 2])

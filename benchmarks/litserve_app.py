@@ -6,14 +6,11 @@ PYTHONPATH=. PYTHON_WITH_LITSERVE benchmarks/litserve_app.py PORT
 import sys
 
 import litserve
-import numpy as np
 import onnxruntime
 from fastapi import Request, Response
-from numpy.typing import NDArray
 
-from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.estimator import Estimator
-from lighting.files import encode_envmap
+from lighting.map_options import MapOptions
 from lighting.model import Model, packaged_model
 from lighting.photo.reader import read_photo
 from lighting.records import ModelSpec
@@ -40,15 +37,7 @@ class EnvmapAPI(litserve.LitAPI):  # type: ignore[misc]  # known in an environme
 
     def predict(self, data: bytes) -> bytes:
         """Its environment map as an EXR, with the place as the service has it."""
-
-        def finer(side: int) -> NDArray[np.uint8]:
-            return read_photo(data, target=side).pixels
-
-        photo = read_photo(data)
-        estimate = self.estimator(photo)
-        context = photo_context_for_height(estimate, photo.pixels, HEIGHT, finer)
-        image, light = render_view(estimate.lighting, HEIGHT, context=context)
-        return encode_envmap(image, light)
+        return self.estimator(read_photo(data)).render(MapOptions(HEIGHT)).encode(consume=True)
 
     def encode_response(self, output: bytes) -> Response:
         """The EXR as it is."""

@@ -14,13 +14,14 @@ def run_command() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    prepare_process(sys.argv[1:])
+    command = next((word for word in sys.argv[1:] if not word.startswith("-")), "")
+    prepare_process(command)
     with exit_on_interrupt():
-        start_network(sys.argv[1:])
+        network = start_network(command)
         from lighting.cli import cli
 
     try:
-        cli(prog_name="lighting")
+        cli(prog_name="lighting", obj=network)
     except SystemExit as end:
         if isinstance(end.code, int):
             exit_now(end.code)

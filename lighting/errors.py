@@ -60,6 +60,9 @@ class _RenamedName:
 RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_old_name` itself
     "lighting.Estimator.together": _RenamedName("lighting", "Estimator.estimate_views", "0.3.0"),
     "lighting.Given": _RenamedName("lighting", "UserInput", "0.3.0"),
+    "lighting.MapOptions.detail": _RenamedName("lighting", "MapOptions.around", "0.3.0"),
+    "lighting.MapOptions.surroundings": _RenamedName("lighting", "MapOptions.around", "0.3.0"),
+    "lighting.Estimate.save.colours": _RenamedName("lighting", "Estimate.save.colors", "0.3.0"),
     "lighting.UserInput.use_exif": _RenamedName("lighting", "UserInput.metadata", "0.3.0"),
     "lighting.photo.photo_of": _RenamedName("lighting.photo.reader", "photo_from_array", "0.3.0"),
     "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.3.0"),
@@ -68,10 +71,31 @@ RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_o
     "lighting.probe.probes_in": _RenamedName("lighting.probe.bracket", "probes_in", "0.3.0"),
     "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.3.0"),
     "lighting.video.stream.Tracker.given": _RenamedName("lighting.video.stream", "Tracker.user_input", "0.3.0"),
+    "lighting.write_exr.colours": _RenamedName("lighting", "write_exr.colors", "0.3.0"),
 }
 # What people type, without dashes, in commands, URLs and forms alike. The old names go in 0.3.0, the short ones stay.
-OLD_NAMES = {"exif": "metadata", "tool": "for"}
+OLD_NAMES = {"colours": "colors", "exif": "metadata", "tool": "for"}
 SHORT_FORMS = {"lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
+FOREIGN_NAMES = {  # of parameters in other programs, by ours: for errors, which name the right one
+    **dict.fromkeys(("width", "size", "resolution", "res", "rows", "columns", "w", "h"), "height"),
+    **dict.fromkeys(("turbidity", "fog", "mist"), "haze"),
+    **dict.fromkeys(("out", "outfile", "output_file", "out_file", "output_dir", "out_dir", "outdir", "dest"), "output"),
+    **dict.fromkeys(("force", "yes", "clobber", "replace", "f", "y"), "overwrite"),
+    **dict.fromkeys(("azimuth", "elevation", "altitude", "sun_direction", "sun_position", "sun_azimuth"), "sun"),
+    **dict.fromkeys(("ev", "brightness", "intensity", "gain"), "exposure"),
+    **dict.fromkeys(("lng", "long"), "longitude"),
+    **dict.fromkeys(("date", "datetime", "timestamp"), "time"),
+    **dict.fromkeys(("timezone", "tz"), "utc_offset"),
+    **dict.fromkeys(("rotate", "rotation", "rotate_z", "offset"), "yaw"),
+    **dict.fromkeys(("compass", "bearing"), "heading"),
+    **dict.fromkeys(("focal_length", "focal", "lens", "hfov"), "vertical_fov"),
+    **dict.fromkeys(("tool", "engine", "target", "to"), "for"),
+    **dict.fromkeys(("threads", "jobs", "j", "num_workers", "processes"), "workers"),
+    **dict.fromkeys(("cloudy", "clouds"), "overcast"),
+    **dict.fromkeys(("silent", "s"), "quiet"),
+    **dict.fromkeys(("colors", "colorspace", "color_space"), "colours"),
+    **dict.fromkeys(("network", "weights", "checkpoint"), "model"),
+}
 
 
 class LightingError(Exception):

@@ -2,32 +2,28 @@
 
 import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, Union, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.decoding import doubts_sun, with_dappled_sun, with_ground_color
-from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, share_sky_color, snow_gain
-from lighting.envmap.render import check_height, render
-from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError, warn_of_old_name
-from lighting.fusion.estimate import PhotoPrediction, build_estimate, refine_prediction
-from lighting.fusion.metadata_prior import observations_multi, observations_single
-from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
-from lighting.ground import describe_ground
-from lighting.model import Model, model_or_packaged
+from lighting.map_options import MapKeywords, MapOptions
+from lighting.model import Model, model_or_packaged, preprocess
 from lighting.photo.reader import Photo, Source, check_photo, photo_from_array, read_photo
-from lighting.photo_estimate import Estimate
-from lighting.records import EstimatedLight, Lighting, Prediction, check_lighting
+from lighting.records import Lighting, Prediction, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
 
 if TYPE_CHECKING:
     from PIL import Image
 
+    from lighting.fusion.estimate import PhotoPrediction
+    from lighting.fusion.single_view import Observations
+    from lighting.photo_estimate import Estimate
     from lighting.registration.photo_set import RegisteredView, View
 
 # As `registration.photo_set.register_views_isolated`; it returns None where nothing says how the photos are rotated.
@@ -72,11 +68,13 @@ class Estimator:
         """
         return self._predict(photo, user_input).prediction
 
-    def _predict(self, photo: Photo, user_input: UserInput) -> PhotoPrediction:
+    def _predict(self, photo: Photo, user_input: UserInput) -> "PhotoPrediction":
+        from lighting.fusion.estimate import refine_prediction
+
         _check_arguments([photo], user_input)
         return refine_prediction(self.model.predict_one(photo), photo, user_input)
 
-    def __call__(self, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Estimate:
+    def __call__(self, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> "Estimate":
         """Estimate the photo's light from its pixels, its metadata and what the user states.
 
         Args:
@@ -88,7 +86,7 @@ class Estimator:
             PhotoError: `photo` is no Photo.
             ParameterError: the user's time and place are of night.
         """
-        return estimate_from_prediction(photo, self._predict(photo, user_input), user_input)
+        return _join_photo(photo, self._predict(photo, user_input), user_input)
 
     def estimate_views(
         self,
@@ -97,7 +95,7 @@ class Estimator:
         headings: Sequence[float] | None = None,
         *,
         register: bool | RegisterFn = False,
-    ) -> list[Estimate]:
+    ) -> "list[Estimate]":
         """Estimate the light of photos of one place and time; one Estimate each, in its own camera's frame.
 
         Args:
@@ -120,6 +118,12 @@ class Estimator:
         check_headings(len(photos), headings, user_input.heading)
         if len(photos) < 2:
             return [self(photo, user_input) for photo in photos]
+        from lighting.fusion.estimate import apply_photo_colors, build_estimate
+        from lighting.fusion.metadata_prior import observations_multi
+        from lighting.fusion.multi_view import fuse_views
+        from lighting.ground import describe_ground
+        from lighting.photo_estimate import Estimate
+
         predicted = [self._predict(photo, user_input) for photo in photos]
         predictions = [one.prediction for one in predicted]
         observed = observations_multi([one.metadata for one in predicted], user_input)
@@ -132,8 +136,6 @@ class Estimator:
         if headings is None and register:
             register_views = register if callable(register) else _register_here
             views = register_views(list(map(_view, photos, predictions, observations)))
-        from lighting.fusion.multi_view import fuse_views
-
         posteriors = fuse_views(predictions, observations, headings, views)
         estimates = list(map(build_estimate, posteriors, observed))
         aerial = [one.is_aerial for one in observed]
@@ -147,7 +149,7 @@ class Estimator:
         headings: Sequence[float] | None = None,
         *,
         match: bool | RegisterFn = False,
-    ) -> list[Estimate]:
+    ) -> "list[Estimate]":
         """Call `estimate_views`, of which this is the old name.
 
         Args:
@@ -160,7 +162,7 @@ class Estimator:
         return self.estimate_views(photos, given, headings, register=match)
 
 
-def estimate(source: PhotoInput, user_input: UserInput = NO_USER_INPUT) -> Estimate:
+def estimate(source: PhotoInput, user_input: UserInput = NO_USER_INPUT) -> "Estimate":
     """Estimate the light of a photo by the network in this package, as the commands for one photo do.
 
     An Estimator is quicker where there are many photos.
@@ -180,14 +182,55 @@ def estimate(source: PhotoInput, user_input: UserInput = NO_USER_INPUT) -> Estim
         return _packaged_estimator()(photo, user_input)
 
 
+def estimate_once(
+    read: Callable[[], Photo],
+    load: Callable[[], Model],
+    user_input: UserInput = NO_USER_INPUT,
+    *,
+    thread: Executor,
+    meanwhile: Callable[[], object] = lambda: None,
+) -> "Estimate":
+    """Estimate the light of one photo by a network that is loaded for it, and gone with its answer.
+
+    Args:
+        read: returns the photo.
+        load: returns the network.
+        user_input: what the user states of the photo.
+        thread: loads the network while the photo is read, and runs it while this one imports what comes after.
+        meanwhile: what else to do while the network runs.
+
+    Raises:
+        PhotoError: it is no photo that can be read.
+        ModelError: the network cannot be read, or fails.
+        ParameterError: the user's time and place are of night.
+    """
+    loading = thread.submit(load)
+    photo = read()
+    network = loading.result()
+    predictions = thread.submit(network.predict, preprocess(photo, network.spec))
+    del loading, network
+    from lighting.fusion.estimate import refine_prediction
+
+    meanwhile()
+    (prediction,) = predictions.result()
+    return _join_photo(photo, refine_prediction(prediction, photo, user_input), user_input)
+
+
+def _join_photo(photo: Photo, predicted: "PhotoPrediction", user_input: UserInput) -> "Estimate":
+    """The photo with its light."""
+    from lighting.fusion.estimate import estimate_light
+    from lighting.photo_estimate import Estimate
+
+    return Estimate.of_photo(photo, estimate_light(photo, predicted, user_input))
+
+
 def render_lighting(
     lighting: Lighting,
     height: int = 512,
     *,
     photo: PhotoInput | None = None,
     user_input: UserInput = NO_USER_INPUT,
-    sun: bool | None = None,
-    disc: bool = True,
+    **options: Unpack[MapKeywords],
 ) -> NDArray[np.float32]:
     """Render the environment map (height, 2 height, 3) of a light, in linear Rec.709, in the photo's linear values.
 
@@ -198,19 +241,20 @@ def render_lighting(
         height: rows, even, 16 to 4096.
         photo: of which the record is, as `estimate` takes it; the network sees it again. None: without.
         user_input: what was stated of the photo when the record was made.
-        sun: whether the sun is in the map; None: by `Lighting.sun_painted`.
-        disc: False leaves the sun's disc for a light of its own; the sun still lights the ground.
+        options: the other fields of `lighting.MapOptions`: sun, yaw, sky, around, disc, adjustments.
 
     Raises:
         ParameterError: a value is out of range.
         PhotoError: `photo` is no photo that can be read.
         OSError: the photo's file cannot be read.
     """
-    if photo is None:
-        return render(lighting, height, sun=sun, disc=disc)
+    from lighting.rendered_map import render_map
+
     check_lighting(lighting)
-    check_height(height)
-    return estimate(photo, user_input).replace(lighting=lighting).envmap(height, sun=sun, disc=disc)
+    view = MapOptions.of_keywords(height, options)
+    if photo is None:
+        return render_map(lighting, view).image
+    return estimate(photo, user_input).replace(lighting=lighting).render(view).image
 
 
 def _as_photo(source: Any) -> Photo:
@@ -232,59 +276,6 @@ def _packaged_estimator() -> Estimator:
     return Estimator(Model.load(for_one_photo=True))
 
 
-def estimate_from_prediction(
-    photo: Photo, predicted: PhotoPrediction, user_input: UserInput = NO_USER_INPUT
-) -> Estimate:
-    """Estimate a photo's light from what the network says of it, its metadata and what the user states.
-
-    Args:
-        photo: as `lighting.read_photo` returns it.
-        predicted: by `refine_prediction`, of this photo and this input.
-        user_input: what the user states of the photo.
-
-    Raises:
-        ParameterError: the user's time and place are of night.
-    """
-    prior = observations_single(predicted.metadata, user_input)
-    observed = replace(prior, warnings=(*photo.warnings, *predicted.warnings, *prior.warnings))
-    posterior = fuse_single_view(predicted.prediction, observed.observations, photo.pixels)
-    estimate = build_estimate(posterior, observed)
-    estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial)
-    return Estimate.of_photo(photo, apply_photo_colors([photo], [estimate])[0])
-
-
-def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLight]) -> list[EstimatedLight]:
-    """Give estimates of photos under one sky the colors that the photos show, where irradiances are known.
-
-    The sky has one color in all of them, the geometric mean; each photo shows its own ground. The
-    ground of a single photo also says how strong its light is.
-
-    Args:
-        photos: one or more.
-        estimates: one a photo.
-    """
-    lights = [estimate.lighting for estimate in estimates]
-    around = [estimate.surroundings for estimate in estimates]
-    each = zip(photos, estimates, strict=True)
-    samples = [PhotoSamples.of_photo(p.pixels, e.lighting, e.segments) for p, e in each]
-    if len(photos) == 1:
-        lights = [_with_ground_light(photos[0], samples[0], lights[0])]
-    lights = share_sky_color(samples, lights)
-    lights = list(map(with_ground_color, lights, map(estimate_ground_albedo, samples, lights, around)))
-    return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
-
-
-def _with_ground_light(photo: Photo, samples: PhotoSamples, light: Lighting) -> Lighting:
-    """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
-    if doubts_sun(light) and (dapple := dappled_sunlight(photo.pixels, light)) is not None:
-        light = with_dappled_sun(light, *dapple)
-    if (gain := snow_gain(samples, light)) == 1:
-        return light
-    from lighting.envmap.relighting import scale_exposure
-
-    return scale_exposure(light, np.full(3, gain))
-
-
 def _check_arguments(photos: object, user_input: object) -> None:
     """Raise PhotoError for what is no list of Photos, ParameterError for what is no UserInput."""
     if not isinstance(photos, Sequence):
@@ -296,8 +287,9 @@ def _check_arguments(photos: object, user_input: object) -> None:
     check_user_input(user_input)
 
 
-def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "View":
+def _view(photo: Photo, prediction: Prediction, observations: "Observations") -> "View":
     """The photo as it is registered with the others."""
+    from lighting.fusion.single_view import camera_elevation_std, fuse_gravity
     from lighting.registration.photo_set import UP_STD, View
 
     fused = fuse_gravity(prediction, observations)

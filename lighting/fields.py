@@ -5,21 +5,20 @@ Names and units are the same in Python, HTTP parameters of a sky, EXR attributes
 nowhere; `describe_fields` gives them to `help`.
 """
 
-import ast
-import inspect
 import math
 import reprlib
-import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from datetime import UTC, datetime
 from enum import Enum
-from typing import Any, TypeGuard
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from lighting.errors import ErrorCode, ParameterError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 RANGES: dict[str, tuple[float, float]] = {
     "sun_azimuth": (-180.0, 180.0),  # deg, 0 = where the camera points, positive to the right
@@ -56,6 +55,7 @@ COLOR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not alw
 }
 
 PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
+_PLAIN = (int, float, type(None))  # types of Python's own
 
 RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Lighting that are not at its top
     "model_name": "model.name",
@@ -178,12 +178,14 @@ def round_significant(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def round_all(values: ArrayLike) -> list[float]:
+def round_all(values: "ArrayLike") -> list[float]:
     """Round all values of an array, one after the other, as `round_significant` does; there is no -0.
 
     Args:
         values: finite.
     """
+    import numpy as np
+
     return [round_significant(value) for value in (np.ravel(values) + 0.0).tolist()]
 
 
@@ -194,16 +196,19 @@ def clip_to_range(name: str, value: float) -> float:
         name: field of a Lighting in RANGES.
         value: in the field's unit.
     """
-    return round_significant(float(np.clip(value, *RANGES[name])))
+    low, high = RANGES[name]
+    return round_significant(min(max(float(value), low), high))
 
 
-def clip_color(values: ArrayLike, name: str) -> tuple[float, float, float]:
+def clip_color(values: "ArrayLike", name: str) -> tuple[float, float, float]:
     """Clip a color to the range that COLOR_RANGES has for a field, and round it as records hold it.
 
     Args:
         values: (3,) red, green and blue.
         name: field of a Lighting in COLOR_RANGES.
     """
+    import numpy as np
+
     red, green, blue = (round_significant(float(v)) for v in np.clip(values, *COLOR_RANGES[name]))
     return red, green, blue
 
@@ -217,6 +222,10 @@ def convert_numpy_numbers(record: object, *names: str) -> None:
     """
     for name in names:
         value = getattr(record, name)
+        if type(value) in _PLAIN or (type(value) is tuple and all(type(part) in _PLAIN for part in value)):
+            continue
+        import numpy as np  # 100 ms, which the command line's help is spared
+
         if isinstance(value, np.generic | np.ndarray) and value.ndim == 0:
             object.__setattr__(record, name, value.item())
         elif isinstance(value, list | tuple | np.ndarray):
@@ -232,7 +241,9 @@ class _RecordDoc:
 
     def __get__(self, _instance: object, owner: type) -> str:
         if self._text is None:
-            self._text = _list_fields(owner, inspect.cleandoc(self._summary))
+            from inspect import cleandoc
+
+            self._text = _list_fields(owner, cleandoc(self._summary))
         return self._text
 
 
@@ -265,19 +276,22 @@ def _as_dataclass(record: type) -> Any:
 
 def _own_docstrings(owner: type) -> dict[str, str]:
     """The docstrings below the names of a class."""
+    import ast
+    import inspect
+    from textwrap import dedent
+
     try:
         source = inspect.getsource(owner)
     except (OSError, TypeError):  # of a class that C defines, or a program without its sources
         return {}
-    (definition,) = ast.parse(textwrap.dedent(source)).body
-    return dict(_attribute_docstrings(definition)) if isinstance(definition, ast.ClassDef) else {}
-
-
-def _attribute_docstrings(definition: ast.ClassDef) -> Iterator[tuple[str, str]]:
-    for statement, below in zip(definition.body, definition.body[1:], strict=False):
+    (definition,) = ast.parse(dedent(source)).body
+    body = definition.body if isinstance(definition, ast.ClassDef) else []
+    found: dict[str, str] = {}
+    for statement, below in pairwise(body):
         match statement, below:
             case ((ast.AnnAssign(ast.Name(name)) | ast.Assign([ast.Name(name)])), ast.Expr(ast.Constant(str(text)))):
-                yield name, inspect.cleandoc(text)
+                found[name] = inspect.cleandoc(text)
+    return found
 
 
 def _list_fields(record: type, summary: str) -> str:
@@ -292,7 +306,7 @@ _NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.it
 _COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 
 
-def nest_fields(values: Mapping[str, Any], sun_direction: NDArray[np.floating]) -> dict[str, Any]:
+def nest_fields(values: Mapping[str, Any], sun_direction: "NDArray[np.floating]") -> dict[str, Any]:
     """Return the JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown.
 
     Args:

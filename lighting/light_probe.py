@@ -14,7 +14,7 @@ References:
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +26,6 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import describe_fields, round_all, round_significant
 from lighting.geometry import Floats, latlong_angles, latlong_solid_angle
 from lighting.records import Json, Lighting, check_lighting
-from lighting.sky import SKY_MODEL
 from lighting.sky.clear_sky import LUX, sun_disc_points, sun_disc_radiance
 
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
@@ -164,7 +163,6 @@ def compute_light_probe(
     *,
     sun: bool | None = None,
     yaw: float = 0.0,
-    sky: str | None = None,
 ) -> LightProbe:
     """Return the light probe of the map that `render_view` makes of the same arguments, but for the map's detail.
 
@@ -175,10 +173,8 @@ def compute_light_probe(
         context: the photo and its surroundings; None: bare sky and ground.
         sun: whether the sun shines; None: by `Lighting.sun_painted`.
         yaw: deg by which the map is rotated to the right.
-        sky: one of SKY_MODELS, which paints the sky; None: the record's.
     """
     check_lighting(lighting)
-    lighting = lighting if sky is None else replace(lighting, sky_model=SKY_MODEL, sky_painted=sky)
     level = float(level_irradiance(lighting).max())
     gain = min(_MAX_LEVEL / level, 1.0) if level > 0 else 1.0  # maps end at what half floats hold; probes do not
     dimmed = lighting

@@ -1,36 +1,43 @@
-"""Estimate: the light of one photo together with the photo, so that it makes its own map, preview and scene."""
+"""From an estimate to pictures: maps, previews, scenes and light probes of a photo's light, the same by every door.
+
+The command line, batches, the service, clips and Python call the functions here. A light without its photo makes maps
+by `render_map` alone.
+"""
 
 import dataclasses
 import os
-import reprlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from functools import cached_property
+from typing import TYPE_CHECKING, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.errors import ErrorCode, ParameterError
+from lighting.envmap.latlong import EPSILON_IRRADIANCE
+from lighting.envmap.projection import photo_camera, size_in_envmap
+from lighting.envmap.relighting import adjust_lighting, edit_lighting, light_of_map
+from lighting.errors import warn_of_old_name
 from lighting.fields import RANGES, check_range, describe_fields, format_azimuth, format_sun_elevation, format_tilt
-from lighting.photo.reader import Photo, reread_photo
-from lighting.records import EstimatedLight, Lighting, check_lighting
+from lighting.files import DEFAULT_FILE, FileOptions
+from lighting.map_options import DEFAULT_MAP, Adjustments, Around, MapKeywords, MapOptions
+from lighting.photo.reader import Photo
+from lighting.records import Color, EstimatedLight, Lighting, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
+from lighting.tracing import trace_step
 
 if TYPE_CHECKING:
-    from PIL import Image
+    from PIL import Image as Pictures
 
     from lighting.envmap.surroundings import PhotoContext
     from lighting.light_probe import LightProbe
+    from lighting.rendered_map import RenderedMap
     from lighting.scene.records import Scene
-
-_MAP_HEIGHT = 512  # rows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(EstimatedLight):
-    """The answer about one photo, with the photo: what `estimate` and an Estimator return.
-
-    Its maps, previews and scenes are those of the command line: the place around the photo is in them.
-    """
+    """The answer about one photo, with the photo: what `estimate` and an Estimator return."""
 
     photo: Photo = field(kw_only=True)
     """The photo, as `read_photo` or `photo_from_array` returned it."""
@@ -73,8 +80,6 @@ class Estimate(EstimatedLight):
         Raises:
             ParameterError: a value is out of range.
         """
-        from lighting.envmap.relighting import Adjustments, adjust_lighting, edit_lighting
-
         if lighting is not None:
             check_lighting(lighting)
         light = adjust_lighting(lighting or self.lighting, Adjustments(sun, exposure, haze, overcast))
@@ -83,177 +88,210 @@ class Estimate(EstimatedLight):
             light = edit_lighting(light, {"camera_height": float(camera_height)})
         return dataclasses.replace(self, lighting=light)
 
-    def envmap(
-        self,
-        height: int = _MAP_HEIGHT,
-        *,
-        sun: bool | None = None,
-        yaw: float = 0.0,
-        sky: str | None = None,
-        surroundings: bool | None = None,
-        detail: bool = True,
-        disc: bool = True,
-    ) -> NDArray[np.float32]:
+    def edit(self, changes: Mapping[str, float | Color], photo_exposure: float | None = None) -> Self:
+        """Return an estimate with fields of its light replaced; irradiances that are not among them follow the sky.
+
+        Args:
+            changes: values by the fields of `lighting.Lighting`.
+            photo_exposure: the `exposure` at which the photo is as it is; None: the estimate's.
+
+        Raises:
+            ParameterError: a value is out of range.
+        """
+        shown = self.photo_lighting
+        if photo_exposure is not None and photo_exposure != shown.exposure:
+            shown = edit_lighting(shown, {"exposure": photo_exposure})
+        return dataclasses.replace(self, lighting=edit_lighting(self.lighting, changes), photo_lighting=shown)
+
+    def render(self, options: MapOptions = DEFAULT_MAP) -> "RenderedMap":
+        """Render the environment map; of a high one the photo is read again with more of its pixels.
+
+        Args:
+            options: of the map.
+
+        Raises:
+            ParameterError: the light does not fit a map.
+            PhotoError: the photo's file has changed since it was read.
+        """
+        from lighting.envmap.surroundings import FINE_SIDE
+        from lighting.rendered_map import render_map
+
+        context, pixels = self.context(options.around), self.photo.pixels
+        camera = photo_camera(self.photo_lighting, pixels.shape[1], pixels.shape[0])
+        if context is not None and max(size_in_envmap(camera, options.height)) > max(pixels.shape[:2]):
+            context = self.context(options.around, self.photo.reread(FINE_SIDE).pixels)
+        return render_map(self.lighting, options, context)
+
+    def envmap(self, height: int = DEFAULT_MAP.height, **options: Unpack[MapKeywords]) -> NDArray[np.float32]:
         """Render the environment map (height, 2 height, 3) in linear Rec.709, in the photo's linear values.
 
         Args:
             height: rows of the map, even, 16 to 4096.
-            sun: whether the sun is in it; None: where its power is known, or where it likely shines.
-            yaw: deg by which the map is turned to the right.
-            sky: one of `lighting.sky.SKY_MODELS`, which paints the sky; None: the record's.
-            surroundings: whether the place around is in it; None: where the network predicts it.
-            detail: whether a map that shows the place has detail all around the photo.
-            disc: False leaves the sun's disc for a light of its own; the sun still lights the ground.
+            options: the other fields of `lighting.MapOptions`: sun, yaw, sky, around, disc, adjustments.
 
         Raises:
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
-        from lighting.envmap.surroundings import render_view
-
-        _check_flags(sun=sun, surroundings=surroundings, detail=detail, disc=disc)
-        context = self._map_context(height, surroundings, detail)
-        with ONE_BLAS_THREAD:
-            return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context, disc=disc)[0]
+        return self.render(MapOptions.of_keywords(height, options)).image
 
     def save(
         self,
         path: str | os.PathLike[str],
-        height: int = _MAP_HEIGHT,
+        height: int = DEFAULT_MAP.height,
         *,
-        sun: bool | None = None,
-        yaw: float = 0.0,
-        sky: str | None = None,
-        surroundings: bool | None = None,
-        detail: bool = True,
-        compression: str = "zip",
-        colours: str = "rec709",
+        compression: str = DEFAULT_FILE.compression,
+        colors: str = DEFAULT_FILE.colors,
+        colours: str | None = None,
+        **options: Unpack[MapKeywords],
     ) -> None:
         """Write the environment map; an EXR holds the record, too. It replaces a file, and appears when it is whole.
 
         Args:
             path: ends in .exr, .hdr or .png.
             height: as in `envmap`.
-            sun: as in `envmap`.
-            yaw: as in `envmap`; the record in the file is turned with the map.
-            sky: as in `envmap`.
-            surroundings: as in `envmap`.
-            detail: as in `envmap`.
             compression: of an EXR: zip, pxr24 or none.
-            colours: primaries of an EXR: rec709, acescg or linear-p3.
+            colors: primaries of an EXR: rec709, acescg or linear-p3.
+            colours: the old name of `colors`; warns of it.
+            options: as in `envmap`; the record in the file is turned with the map.
 
         Raises:
             EnvironmentMapError: the path ends otherwise, or cannot be written.
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
-        from lighting.envmap.surroundings import render_view
-        from lighting.files import MAP_FORMATS, check_map_name, write_envmap
-        from lighting.light_probe import compute_light_probe
+        if colours is not None:
+            warn_of_old_name("lighting.Estimate.save.colours")
+            colors = colours
+        file = FileOptions(compression=compression, colors=colors).for_path(path)
+        self.render(MapOptions.of_keywords(height, options)).write(path, file, consume=True)
 
-        has_header = MAP_FORMATS[check_map_name(path)].has_header
-        _check_flags(sun=sun, surroundings=surroundings, detail=detail)
-        view: Any = {"sun": sun, "yaw": yaw, "sky": sky, "context": self._map_context(height, surroundings, detail)}
-        with ONE_BLAS_THREAD:
-            image, lighting = render_view(self.lighting, height, **view)
-            probe = compute_light_probe(self.lighting, **view) if has_header else None
-        write_envmap(path, image, lighting, compression=compression, probe=probe, colours=colours, overwrite=True)
-
-    def light_probe(
-        self,
-        *,
-        sun: bool | None = None,
-        yaw: float = 0.0,
-        sky: str | None = None,
-        surroundings: bool | None = None,
-    ) -> "LightProbe":
+    def light_probe(self, **options: Unpack[MapKeywords]) -> "LightProbe":
         """Compute the light for engines and phones: nine coefficients of all but the sun, and the sun as main light.
 
         Args:
-            sun: as in `envmap`; without it the main light is none.
-            yaw: as in `envmap`.
-            sky: as in `envmap`.
-            surroundings: as in `envmap`.
+            options: as in `envmap`; without the sun the main light is none.
 
         Raises:
             ParameterError: a value is out of range.
         """
+        return self.probe(MapOptions.of_keywords(DEFAULT_MAP.height, options))
+
+    def probe(self, options: MapOptions = DEFAULT_MAP) -> "LightProbe":
+        """Compute the light probe of the map that `render` makes, but for the map's detail.
+
+        Args:
+            options: of the map.
+        """
         from lighting.light_probe import compute_light_probe
 
-        _check_flags(sun=sun, surroundings=surroundings)
-        context = self._context(self.photo.pixels, surroundings, detail=False)
-        with ONE_BLAS_THREAD:
-            return compute_light_probe(self.lighting, context, sun=sun, yaw=yaw, sky=sky)
+        light = light_of_map(self.lighting, options)
+        with trace_step("map"), ONE_BLAS_THREAD:
+            return compute_light_probe(light, self.context(options.around), sun=options.sun, yaw=options.yaw)
 
-    def preview(
-        self, *, sun: bool | None = None, surroundings: bool | None = None, detail: bool = True
-    ) -> "Image.Image":
+    def preview(self, options: MapOptions = DEFAULT_MAP, **keywords: Unpack[MapKeywords]) -> "Pictures.Image":
         """Draw the photo, the sun's probability, the map and three spheres in the light, 1600 pixels wide.
 
         Args:
-            sun: as in `envmap`.
-            surroundings: as in `envmap`.
-            detail: as in `envmap`.
+            options: of the map, which is not turned.
+            keywords: as in `envmap`, in place of `options`.
 
         Raises:
+            ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
         from PIL import Image
 
-        from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels
+        from lighting.envmap.surroundings import render_view
+        from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels, expose_photo
 
-        _check_flags(sun=sun, surroundings=surroundings, detail=detail)
-        options: Any = {"lighting": self.lighting, "sun": sun, "surroundings": surroundings, "detail": detail}
-        pixels = reread_photo(self.photo, PHOTO_SIDE).pixels
-        with ONE_BLAS_THREAD:
-            return Image.fromarray(draw_preview_pixels(pixels, self._unchanged(), **options))
+        options = MapOptions.of_keywords(options.height, keywords) if keywords else options
+        options.refuse("a preview", "yaw")
+        light, pixels = light_of_map(self.lighting, options), self.photo.reread(PHOTO_SIDE).pixels
+        gain = light.exposure / max(self.photo_lighting.exposure, EPSILON_IRRADIANCE)
+        context = self.context(options.around, pixels)
+        with trace_step("map"), ONE_BLAS_THREAD:
+            image, _ = render_view(light, options.height, sun=options.sun, context=context, disc=options.disc)
+            shown = dataclasses.replace(self, lighting=light)
+            return Image.fromarray(draw_preview_pixels(expose_photo(pixels, gain), shown, image))
+
+    def make_scene(self, options: MapOptions = DEFAULT_MAP) -> "Scene":
+        """Make the photo's scene, which `lighting.scene.writer` writes for any tool.
+
+        Args:
+            options: of its map, which is not turned; the sun's disc is a light of its own.
+
+        Raises:
+            ParameterError: the light does not fit a map.
+            PhotoError: the photo's file has changed since it was read.
+        """
+        from lighting.scene.records import PLATE_SIDE, make_scene
+
+        options.refuse("a scene", "yaw", "disc")
+        light, plate = light_of_map(self.lighting, options), self.photo.reread(PLATE_SIDE)
+        context = self.context(options.around, plate.pixels)
+        with trace_step("map"), ONE_BLAS_THREAD:
+            return make_scene(
+                plate, light, map_height=options.height, sun=options.sun, context=context, segments=self.segments
+            )
 
     def scene(
         self,
         tool: str,
         folder: str | os.PathLike[str],
+        options: MapOptions = DEFAULT_MAP,
         *,
         overwrite: bool = False,
-        height: int = _MAP_HEIGHT,
-        sun: bool | None = None,
-        surroundings: bool | None = None,
-        detail: bool = True,
-        **options: str,
+        **keywords: object,
     ) -> "Scene":
         """Write a scene for another tool, and return it; its `warnings` say what to know about it.
 
         Args:
             tool: one of `lighting.scene.EXPORTERS`: "blender", "usd", "gltf", and so on.
             folder: new or empty unless `overwrite`.
+            options: as in `make_scene`.
             overwrite: whether files in the folder may be replaced.
-            height: as in `envmap`.
-            sun: as in `envmap`.
-            surroundings: as in `envmap`.
-            detail: as in `envmap`.
-            options: of the tool, such as `up_axis="Z"` for USD.
+            keywords: options of the tool, such as `up_axis="Z"` for USD; height and others as in `envmap`.
 
         Raises:
             SceneError: the tool is unknown, or the folder cannot be written.
-            TypeError: the tool has no such option.
+            TypeError: there is no such option.
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
         from lighting.scene import EXPORTERS
-        from lighting.scene.records import PLATE_SIDE, make_scene
         from lighting.scene.writer import check_scene_target, write_scene
 
-        _check_flags(overwrite=overwrite, sun=sun, surroundings=surroundings, detail=detail)
         check_scene_target(tool, folder, overwrite=overwrite)
-        for name in options.keys() - EXPORTERS[tool].options.keys():
-            raise TypeError(f"A scene for {tool} has no option {name!r}.")
-        plate = reread_photo(self.photo, PLATE_SIDE)
-        context = self._context(plate.pixels, surroundings, detail)
-        with ONE_BLAS_THREAD:
-            scene = make_scene(
-                plate, self.lighting, map_height=height, sun=sun, context=context, segments=self.segments
-            )
-        write_scene(scene, tool, folder, overwrite=overwrite, **options)
+        of_tool = {name: keywords.pop(name) for name in keywords.keys() & EXPORTERS[tool].options.keys()}
+        if keywords:
+            options = MapOptions.of_keywords(keywords.pop("height", options.height), keywords)
+        scene = self.make_scene(options)
+        write_scene(scene, tool, folder, overwrite=overwrite, **of_tool)
         return scene
+
+    @cached_property
+    def _place(self) -> "PhotoContext":
+        """The photo as it was read, and its place: by their likeness the detail of all maps is chosen, once."""
+        from lighting.envmap.surroundings import PhotoContext
+
+        light = self.photo_lighting
+        return PhotoContext(self.photo.pixels, self.surroundings, light.exposure, light, self.segments, detail=True)
+
+    def context(self, around: str = "place", pixels: NDArray[np.uint8] | None = None) -> "PhotoContext | None":
+        """Return what a map shows of the photo and its place; None: sky and ground alone.
+
+        Args:
+            around: one of Around.
+            pixels: (h, w, 3) sRGB of the photo, more of them; None: as it was read.
+        """
+        if around == Around.PLAIN or (around == Around.PLACE and self.surroundings is None):
+            return None
+        place = self._place
+        if around == Around.PLACE and pixels is None:
+            return place
+        photo = place.photo if pixels is None else pixels
+        return dataclasses.replace(place, photo=photo, detail=around == Around.PLACE, first=place)
 
     def __repr__(self) -> str:
         """One line: where the sun is, how sure that is, and how the camera stands."""
@@ -274,34 +312,5 @@ class Estimate(EstimatedLight):
 
         return encode_preview_png(np.asarray(self.preview()))
 
-    def _map_context(self, height: int, surroundings: bool | None, detail: bool) -> "PhotoContext | None":
-        """The photo, read finer for a high map, and its surroundings."""
-        from lighting.envmap.surroundings import photo_context_for_height
-
-        def read_finer(side: int) -> NDArray[np.uint8]:
-            return reread_photo(self.photo, side).pixels
-
-        return photo_context_for_height(
-            self._unchanged(), self.photo.pixels, height, read_finer, surroundings=surroundings, detail=detail
-        )
-
-    def _context(self, pixels: NDArray[np.uint8], surroundings: bool | None, detail: bool) -> "PhotoContext | None":
-        from lighting.envmap.surroundings import photo_context
-
-        return photo_context(self._unchanged(), pixels, surroundings=surroundings, detail=detail)
-
-    def _unchanged(self) -> Self:
-        """The estimate of the light that the photo shows."""
-        return dataclasses.replace(self, lighting=self.photo_lighting)
-
 
 describe_fields(Estimate)
-
-
-def _check_flags(**flags: object) -> None:
-    """Raise ParameterError for a flag that is neither True, False nor None, such as a direction of the sun."""
-    for name, value in flags.items():
-        if not isinstance(value, bool | np.bool_ | None):
-            hint = "; `replace(sun=(40, 25))` moves it" if name == "sun" else ""
-            predicate = f"must be True or False, not {reprlib.repr(value)}{hint}."
-            raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 Json = dict[str, Any]  # an object of JSON, as it is read or written
 Color = tuple[float, float, float]  # linear Rec.709
 
-MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 MIN_SUITABLE = 0.5  # `suitable` below it earns a warning
 MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16

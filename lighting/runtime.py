@@ -347,8 +347,11 @@ class _BlasLimit:
         self._lock = threading.Lock()
         self._users = 0
         self._limits: Any = None
+        self.is_given = False  # by the environment, before numpy was imported
 
     def __enter__(self) -> None:
+        if self.is_given:
+            return
         from threadpoolctl import threadpool_limits
 
         with self._lock:
@@ -358,6 +361,8 @@ class _BlasLimit:
             self._users += 1
 
     def __exit__(self, *_: object) -> None:
+        if self.is_given:
+            return
         with self._lock:
             self._users -= 1
             if not self._users:

@@ -11,56 +11,62 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from lighting.errors import ModelError
-from lighting.runtime import keep_memory, reserve_heap
+from lighting.runtime import ONE_BLAS_THREAD, keep_memory, reserve_heap
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ThreadPoolExecutor
 
 _BRIEF_COMMANDS = frozenset({"estimate", "envmap", "preview", "render"})  # that mostly end in less than a second
-_ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
-_OPTIONS_WITHOUT_NETWORK = ("-h", "--help", "--model", "--lighting")  # options that run none or another
-_OUTPUT_OPTIONS = ("-o", "--output", "--preview")  # options before files that are written
+_ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # that mostly run the network once
 _DATA = Path(__file__).parent / "data"
 _GC_THRESHOLD = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
 
 
-def prepare_process(arguments: Sequence[str]) -> None:
+def prepare_process(command: str) -> None:
     """Give sums one order, and save a brief command what pays in long ones alone; call this before numpy is imported.
 
     OpenBLAS's threads would add in another order, and spin while they wait for products that are too small to share.
 
     Args:
-        arguments: of the command line, without the program's name.
+        command: its name.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if _BRIEF_COMMANDS.isdisjoint(arguments):
-        return
-    gc.set_threshold(_GC_THRESHOLD)
-    keep_memory(heaps=2)
+    ONE_BLAS_THREAD.is_given = os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    if command in _BRIEF_COMMANDS:
+        gc.set_threshold(_GC_THRESHOLD)
+        keep_memory(heaps=2)
 
 
-_started: "list[tuple[ThreadPoolExecutor, Future[Any]]]" = []  # a thread for networks, and the session it makes first
+@dataclass
+class StartedNetwork:
+    """The packaged network, which a thread loads for one photo."""
+
+    thread: "ThreadPoolExecutor"
+    """That loads it, and runs it."""
+    session: "Future[Any] | None"
+    """Of onnxruntime. None: it was taken."""
+
+    def take(self) -> Any:
+        """Return the session, for one use, after which it is gone; None where it was taken."""
+        session, self.session = self.session, None
+        return session and session.result()
 
 
-def start_network(arguments: Sequence[str]) -> None:
-    """Begin to load the packaged network, in a thread, if a command runs it on one photo.
+def start_network(command: str) -> StartedNetwork | None:
+    """Begin to load the packaged network, in a thread, if a command mostly runs it on one photo.
 
     Args:
-        arguments: of the command line, without the program's name.
+        command: its name.
     """
-    if not arguments or arguments[0] not in _ONE_PHOTO_COMMANDS:
-        return
-    others = arguments[1:]
-    if any(other.startswith(_OPTIONS_WITHOUT_NETWORK) for other in others):
-        return
-    if _count_photos(others) > 1:  # which take a network prepared for many runs
-        return
+    if command not in _ONE_PHOTO_COMMANDS:
+        return None
     from concurrent.futures import ThreadPoolExecutor
 
     from lighting.onnx_session import create_session, import_onnxruntime, packaged_network
@@ -69,35 +75,11 @@ def start_network(arguments: Sequence[str]) -> None:
     with suppress(ModelError):  # which is raised where the network is needed
         file = packaged_network(_DATA, "outdoor")
         thread = ThreadPoolExecutor(1)
-        if arguments[0] in _BRIEF_COMMANDS:
+        if command in _BRIEF_COMMANDS:
             thread.submit(reserve_heap, 1)
             reserve_heap(1)
-        _started.append((thread, thread.submit(create_session, file, 0, for_one_run=True)))
-
-
-def _count_photos(arguments: Sequence[str]) -> int:
-    """How many arguments are files that are read."""
-    before = ["", *arguments]
-    return sum(_is_file(name) for name, option in zip(arguments, before, strict=False) if option not in _OUTPUT_OPTIONS)
-
-
-def _is_file(name: str) -> bool:
-    try:
-        return name == "-" or Path(name).is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def started_session() -> Any:
-    """Return the session that `start_network` began to make, for one use; None where it began none."""
-    return _started.pop()[1].result() if _started else None
-
-
-def network_thread() -> "ThreadPoolExecutor":
-    """The thread in which the networks of one photo run: that of `start_network`, or a new one."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    return _started[-1][0] if _started else ThreadPoolExecutor(1)
+        return StartedNetwork(thread, thread.submit(create_session, file, 0, for_one_run=True))
+    return None
 
 
 class _ClosedStdout(io.TextIOBase):

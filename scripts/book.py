@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 WORDS = "docs/words.md"
 GALLERY = "## Gallery"  # of docs/README.md: its captions and credits do not count
 BUDGETS = {  # words of a page, as `wc -w` counts them
-    "README.md": 450,
+    "README.md": 460,
     "docs/README.md": 200,
     "docs/learn/blender.md": 600,
     "docs/learn/web-page.md": 600,
@@ -39,7 +39,7 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "lighting/data/MODEL_CARD.md": 600,
     "export/README.md": 700,
 }
-MOST_WORDS = 9000  # of all of them but `export/README.md`, which is no page of the book
+MOST_WORDS = 9050  # of all of them but `export/README.md`, which is no page of the book
 BESIDE = ("SECURITY.md", "CONTRIBUTING.md", "examples/CREDITS.md")  # pages without a budget, whose sentences are short
 MEAN_SENTENCE, LONGEST_SENTENCE = 15, 30  # words
 _FIGURES = {"docs/understand/trust.md", "lighting/data/MODEL_CARD.md"}  # pages about accuracy: dates and percentages

@@ -14,6 +14,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,11 +69,11 @@ def unshare(namespaces: int) -> None:
         raise OSError(ctypes.get_errno(), "unshare")
 
 
-def enter_mount_namespace() -> None:
-    """Keep what this process mounts to itself; UnavailableError where that, or a program, is missing."""
+def enter_mount_namespace(*programs: str) -> None:
+    """Keep what this process mounts to itself; UnavailableError where that, or one of the programs, is missing."""
     if os.geteuid():
         raise UnavailableError("it needs root")
-    if lacking := [name for name in ("buildah", "mmdebstrap") if not shutil.which(name)]:
+    if lacking := [name for name in programs if not shutil.which(name)]:
         raise UnavailableError(f"there is no {' and no '.join(lacking)}")
     try:
         unshare(NEW_MOUNTS)
@@ -84,32 +85,49 @@ def enter_mount_namespace() -> None:
 def load_base(engine: Engine, cache: Path) -> None:
     """Give the engine the base image, and run a program in it; UnavailableError if that does not work here."""
     try:
-        tar = _make_base(cache)
+        tar = make_debian(cache, _SUITE, _PACKAGES, [f"--dpkgopt=path-exclude={pattern}" for pattern in _LEFT_OUT])
         recipe = f'FROM scratch\nADD {tar.name} /\nENV PATH={_PATH}\nRUN ["python", "--version"]\n'
         engine.build(cache, recipe, "--tag", _BASE)
     except RuntimeError as error:
-        first, *lines = str(error).splitlines()
-        reason = next((line for line in lines if line.startswith("E: ")), lines[-1] if lines else "")
-        raise UnavailableError(f"{first} {reason}") from error
+        raise UnavailableError(_last_words(error)) from error
 
 
-def _make_base(cache: Path) -> Path:
-    excluded = [f"--dpkgopt=path-exclude={pattern}" for pattern in _LEFT_OUT]
-    argv = ["--quiet", "--variant=minbase", *excluded, f"--include={','.join(_PACKAGES)}", _SUITE]
-    tar = cache / f"{_SUITE}-{hashlib.sha256(repr(argv).encode()).hexdigest()[:8]}.tar"
+def _last_words(error: RuntimeError) -> str:
+    """What a failed program was, and its own reason."""
+    first, *lines = str(error).splitlines()
+    return f"{first} {next((line for line in lines if line.startswith('E: ')), lines[-1] if lines else '')}"
+
+
+def make_debian(cache: Path, suite: str, packages: Sequence[str], options: Sequence[str] = ()) -> Path:
+    """Debian's smallest system with those packages as a tar file, of earlier if there is one.
+
+    Args:
+        cache: folder that keeps it.
+        suite: code name of the release.
+        packages: by Debian's names.
+        options: of mmdebstrap.
+
+    Raises:
+        UnavailableError: mmdebstrap cannot make it here.
+    """
+    argv = ["--quiet", "--variant=minbase", *options, f"--include={','.join(packages)}", suite]
+    tar = cache / f"{suite}-{hashlib.sha256(repr(argv).encode()).hexdigest()[:8]}.tar"
     if not tar.exists():
         part = tar.with_suffix(".part.tar")
         part.unlink(missing_ok=True)
-        _run(["mmdebstrap", *_apt_proxies(), *argv, str(part), *_mirrors()])
+        try:
+            _run(["mmdebstrap", *_apt_proxies(), *argv, str(part), *_mirrors(suite)])
+        except RuntimeError as error:
+            raise UnavailableError(_last_words(error)) from error
         part.replace(tar)
     return tar
 
 
-def _mirrors() -> list[str]:
+def _mirrors(suite: str) -> list[str]:
     """This machine's own mirrors of the suite; with none, mmdebstrap knows Debian's."""
     line = "deb $(REPO_URI) $(RELEASE) $(COMPONENT)"
     printed = _run(["apt-get", "indextargets", "--format", line, "Created-By: Packages", "Origin: Debian"])
-    return sorted({line for line in printed.splitlines() if line.split()[2].startswith(_SUITE)})
+    return sorted({line for line in printed.splitlines() if line.split()[2].startswith(suite)})
 
 
 def _apt_proxies() -> list[str]:

@@ -63,8 +63,7 @@ SPACE = ROOT / "examples" / "huggingface" / "README.md"
 CONTAINER, SPACE_CONTAINER = "image", "space"
 LIMIT = 350  # MB over the base
 COMPILERS = {"cc", "gcc", "g++", "clang", "ld", "make", "node", "npm", "git", "curl"}
-SENT = {"CHANGELOG.md", "LICENSE", "NOTICE", "README.md", "SECURITY.md", "pyproject.toml"}
-SENT |= {"requirements.lock", "requirements-traces.lock", "requirements-turns.lock"}
+SENT = {"CHANGELOG.md", "LICENSE", "NOTICE", "README.md", "SECURITY.md", "pyproject.toml", "uv.lock"}
 SENT_FOLDERS = {"docs", "lighting", "server"}
 NEVER_SENT = {"lab", "node_modules", "__pycache__", "src"}
 
@@ -74,7 +73,7 @@ def main() -> None:
     cache = Path(sys.argv[1] if len(sys.argv) > 1 else Path.home() / ".cache/outdoor-lighting").resolve()
     space = Path(tempfile.mkdtemp())
     try:
-        enter_mount_namespace()
+        enter_mount_namespace("buildah", "mmdebstrap")
         mount("-t", "tmpfs", "-o", "mode=755", "tmpfs", space)
         os.environ["TMPDIR"] = str(space)  # for the programs that build
         cache.mkdir(parents=True, exist_ok=True)

@@ -45,7 +45,7 @@ class MissingToolError(Exception):
 
 def draw_preview() -> Image.Image:
     """Return the preview of an example."""
-    return estimate(EXAMPLES / "brick_street.jpg").preview()
+    return estimate(EXAMPLES / "wide_street.jpg").preview()
 
 
 def draw_page() -> Image.Image:
@@ -74,8 +74,9 @@ def draw_monkey() -> Image.Image:
     page = (ROOT / "docs" / "learn" / "blender.md").read_text(encoding="utf-8")
     (script,) = (block.text for block in read_code_blocks(page) if block.language == "python")
     with tempfile.TemporaryDirectory() as folder:
-        estimate(EXAMPLES / "brick_street.jpg").scene("blender", folder)
+        estimate(EXAMPLES / "wide_street.jpg").scene("blender", folder)
         _run(python, Path(folder) / "scene.py", "--save")
+        script = script.replace("resolution_percentage = 50", "resolution_percentage = 100")  # of a small photo
         opened = f"import bpy; bpy.ops.wm.open_mainfile(filepath={str(Path(folder) / 'scene.blend')!r})\n"
         _run(python, "-c", opened + script)
         return _load(Path(folder) / "monkey.png")

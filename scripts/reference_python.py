@@ -100,7 +100,8 @@ def _describe_call(name: str, function: Callable[..., Any]) -> Iterator[str]:
     parameters = [p for p in signature.parameters.values() if p.name not in ("self", "cls")]
     plain = signature.replace(parameters=list(map(_plain_parameter, parameters)), return_annotation=signature.empty)
     text, sections = _split_docstring(inspect.getdoc(function) or "")
-    yield from ("```python", f"{name}{plain}", "```", "")
+    quoted = str(plain).replace("'", '"')  # as ruff writes it
+    yield from ("```python", f"{name}{quoted}", "```", "")
     yield from _paragraphs(text)
     told = dict(_entries(sections.get("Args", "")))
     if parameters:

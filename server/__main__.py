@@ -9,6 +9,7 @@ from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
+from logging.config import dictConfig
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -156,6 +157,7 @@ def _serve() -> None:
     with ExitStack() as sockets:
         try:
             settings = read_settings()
+            dictConfig(_logging_config(settings.log_level.upper()))
             listeners = [sockets.enter_context(one) for one in bind_listeners(settings.host, settings.port)]
             raise_file_limit()
             app = create_app(settings)
@@ -185,7 +187,7 @@ def _uvicorn_config(app: "FastAPI", service: "Service") -> "Config":
         port=settings.port,
         loop="asyncio",  # uvloop, where it is installed, would read without the bounds of BoundedProtocol
         workers=1,  # whatever WEB_CONCURRENCY says, which many hosts set: one process works on several photos
-        log_config=_logging_config(settings.log_level.upper()),
+        log_config=None,  # _serve has set it, since loading logs
         access_log=False,
         server_header=False,
         proxy_headers=bool(settings.trusted_proxies),

@@ -13,6 +13,7 @@ from anyio import from_thread
 from anyio.from_thread import check_cancelled
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from fastapi.security.utils import get_authorization_scheme_param
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.datastructures import Headers
 from starlette.types import Scope
@@ -31,12 +32,13 @@ from lighting.records import CodedWarning, EstimatedLight, Lighting, WarningCode
 from lighting.registration import photo_set, two_view
 from lighting.tracing import trace_step
 from server import problems
-from server.jobs import JobRunner, JobStore
+from server.job_store import JobStore
+from server.jobs import JobRunner
 from server.limits import (
     ApiKeys,
+    BusyError,
     Client,
     ConnectionLimiter,
-    CpuLimiter,
     PendingResponses,
     RateLimiter,
     UploadLimiter,
@@ -133,7 +135,7 @@ class PhotoMatcher:
             return estimates
         warning = CodedWarning(f"{self.failure} {ROTATION_INFERRED}", WarningCode.TURN_INFERRED)
         warned = [replace(e.lighting, warnings=(*e.lighting.warnings, warning)) for e in estimates]
-        return [replace(e, lighting=lighting) for e, lighting in zip(estimates, warned, strict=True)]
+        return [replace(e, lighting=one, photo_lighting=one) for e, one in zip(estimates, warned, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,9 +156,13 @@ class Service:
         self.settings = settings
         self.keys = ApiKeys(settings.all_keys())
         self.rate_limiter = RateLimiter(settings.rate_limits)
-        self.cpu_limiter = CpuLimiter(settings.cpu_limits)
+        self.cpu_limiter = RateLimiter(settings.cpu_limits)
         self.limiter = WorkLimiter(
-            settings.workers, settings.queue, self.cpu_limiter.charge, max_bytes=settings.max_bytes
+            settings.workers,
+            settings.queue,
+            self.cpu_limiter.charge,
+            max_bytes=settings.max_bytes,
+            short=["POST /v1/lighting"],
         )
         self.uploads = UploadLimiter(settings.uploads, settings.uploads_per_client)
         self.pending = PendingResponses(settings.unsent_bytes)
@@ -216,10 +222,16 @@ class Service:
         """The folder of the network and its figures."""
         return (self.settings.model or packaged_model()).parent
 
-    @property
-    def full(self) -> bool:
-        """Whether a new client's photo would be refused with 503."""
-        return self.limiter.full
+    def find_fault(self) -> Exception | None:
+        """Why a new client's photo would be refused with 503, or a job wait in vain; None if all is well."""
+        if not self.ready:
+            retry = {"Retry-After": problems.RETRY_SECONDS}
+            return ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
+        if self.ending:
+            return BusyError("The service shuts down.")
+        if self.limiter.full:
+            return BusyError()
+        return BusyError(f"Jobs stand still: {self.jobs.fault}.") if self.jobs and self.jobs.fault else None
 
     def identify_client(self, scope: Scope) -> Client:
         """Who asks: the holder of an API key of the service, else an address.
@@ -227,7 +239,7 @@ class Service:
         Args:
             scope: of an HTTP request; its client is the one that a trusted proxy names.
         """
-        scheme, _, key = Headers(scope=scope).get("authorization", "").partition(" ")
+        scheme, key = get_authorization_scheme_param(Headers(scope=scope).get("authorization"))
         if self.keys and scheme.lower() == "bearer" and (number := self.keys.find(key)) is not None:
             return client_of_key(number)
         return client_of_address((scope.get("client") or ("",))[0])
@@ -248,22 +260,16 @@ class Service:
             seconds: time limit; None is that of a request.
             target: pixels along the longer side, at least, if the photo has them.
         """
-        photo = self.reread_photo(data, target, seconds)
+        photo = read_photo_isolated(
+            data,
+            max_bytes=self.settings.max_bytes,
+            max_pixels=self.settings.max_pixels,
+            target=target,
+            seconds=self.settings.decode_seconds if seconds is None else seconds,
+        )
         self.metrics.photo_bytes.inc(len(data))
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
-
-    def reread_photo(self, data: bytes, target: int, seconds: float | None = None) -> Photo:
-        """The same without counting: the photo again, in more pixels for people to look at."""
-        seconds = self.settings.decode_seconds if seconds is None else seconds
-        with trace_step("decode"):
-            return read_photo_isolated(
-                data,
-                max_bytes=self.settings.max_bytes,
-                max_pixels=self.settings.max_pixels,
-                target=target,
-                seconds=seconds,
-            )
 
     def estimate(
         self,
@@ -420,3 +426,4 @@ async def enforce_rate_limit(request: Request) -> None:
     if wait:
         detail = f"The rate limit is reached; wait {wait} s."
         raise ProblemError(problems.TOO_MANY_REQUESTS, detail, {"Retry-After": str(wait)})
+    service.rate_limiter.charge(client, 1.0)

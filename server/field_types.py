@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     ValidationError,
@@ -16,16 +17,14 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, core_schema
 
-from lighting.envmap.relighting import Adjustments, parse_sun
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
-from lighting.files import MAP_FORMATS
 from lighting.fusion.user_input import read_headings
+from lighting.map_options import Adjustments, OptionText, parse_sun
 from lighting.photo.clock import parse_time, parse_utc_offset
-from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
-from lighting.sky import SKY_MODELS
+from lighting.records import GROUND_ALBEDO
 
-MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
+MAX_SERVED_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 
 
 class NotNull:
@@ -39,8 +38,13 @@ class NotNull:
 class RegistryName:
     """A name in a registry, which is read late, so that entries added after import count."""
 
-    def __init__(self, registry: Collection[str]) -> None:
-        self.registry = registry
+    def __init__(self, registry: Collection[str] | Callable[[], Collection[str]]) -> None:
+        self._registry = registry
+
+    @property
+    def registry(self) -> Collection[str]:
+        """The names now."""
+        return self._registry() if callable(self._registry) else self._registry
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_after_validator_function(self._check, handler(source))
@@ -108,8 +112,10 @@ def _parse_flag(value: object) -> object:
 def _parse_sun_or_flag(value: object) -> object:
     """Accept `true`, `false` and a direction such as 40,25, which comes as a list of one text, or of two."""
     text = ",".join(map(str, value)) if isinstance(value, list) else value
-    if not isinstance(text, str) or "," not in text:
+    if not isinstance(text, str) or text in ("true", "false"):
         return _parse_flag(text)
+    if "," not in text:
+        raise PydanticCustomError("flag", "must be true, false, or AZIMUTH,ELEVATION in degrees such as 40,25")
     sun = parse_sun(text)
     Adjustments(sun=sun)  # which checks its range
     return sun
@@ -124,11 +130,28 @@ SunOrFlag = Annotated[
         {"type": "string", "pattern": r"^(true|false|-?[0-9.]+,-?[0-9.]+)$", "examples": ["40,25", "false"]}
     ),
 ]
-Height = Annotated[
-    int,
-    InRange(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),
-    AfterValidator(_check_even),
-]
+
+
+def option_parameter(text: OptionText, default: object) -> tuple[Any, Any]:
+    """The type and the default of the parameter that is an option of the library.
+
+    Args:
+        text: what people read of the option.
+        default: its value unless stated.
+    """
+    field: Any = Field(default, description=text.help)
+    if text.choices is not None:
+        kind: Any = Annotated[str, RegistryName(text.choices)]
+        return (Annotated[kind | None, NotNull()] if default is None else kind), field
+    if text.range is None:
+        return Flag, field
+    low, high = text.range
+    if isinstance(default, int) and not isinstance(default, bool):
+        limited = InRange(low, min(high, MAX_SERVED_HEIGHT), multipleOf=2, description=text.help)
+        return Annotated[int, limited, AfterValidator(_check_even)], default
+    limited = InRange(low, high, description=text.help, examples=[text.example])
+    return (Annotated[float | None, limited] if default is None else Annotated[float, limited]), default
+
 
 SUN_AZIMUTH = parameter_range("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
 SUN_ELEVATION = parameter_range("sun_elevation", "deg above the horizon", 33.0)
@@ -145,8 +168,6 @@ CameraElevation = Annotated[float, CAMERA_ELEVATION]
 CameraRoll = Annotated[float, CAMERA_ROLL]
 GroundAlbedo = Annotated[float, parameter_range("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
 VerticalFov = Annotated[float, parameter_range("vertical_fov", "deg, vertical field of view", 48.7)]
-FormatName = Annotated[str, RegistryName(MAP_FORMATS)]
-SkyName = Annotated[str, RegistryName(SKY_MODELS)]
 SkyCover = Annotated[float, parameter_range("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
 Irradiance = Annotated[float, InRange(*COLOR_RANGES["sky_irradiance"])]
 Reflectance = Annotated[float, InRange(*COLOR_RANGES["ground_color"])]

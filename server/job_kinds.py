@@ -5,23 +5,25 @@ The process gets a request as JSON on stdin and writes lines of JSON to stdout. 
 or `{"error": ..., "code": ...}`. It works in the job's folder, where the upload lies.
 """
 
+import errno
 import json
 import os
 import stat
 import sys
 import traceback
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, TypeVar
 
-from lighting.envmap.relighting import Adjustments
 from lighting.errors import ErrorCode, LightingError, VideoError
+from lighting.files import FileOptions, escape_undecodable
 from lighting.fusion.user_input import UserInput
+from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
 from lighting.records import Json
 from lighting.runtime import begin_helper, confine_to_folder, limit_address_space
 from lighting.tracing import listen_to_steps, trace_step
@@ -34,7 +36,9 @@ MAX_FILES = 2000  # in a ZIP of photos
 _PHOTOS, _OUT, _PART = Path("photos"), Path("out"), Path("result.part")
 _SLICE = 1 << 20  # bytes that are unpacked at once
 _MEMORY = 4_000_000_000  # bytes of address space for clips and normals; photos are decoded in processes with their own
-_MAX_WARNINGS, _MAX_WARNING = 50, 500  # of a job, and letters of one
+MAX_WARNINGS, MAX_WORDS = 50, 500  # of a job, and letters of one and of an error
+_MAX_LOG, _MAX_NAME = 4000, 100  # letters of a traceback and of a name
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors of the system
 _NICENESS = 10  # so that photos that somebody waits for go first
 _WORK_SHARE = 0.9  # of a job's progress; the rest packs the result
 _READ_SHARE = 0.2  # of the progress of normals, for reading the photos
@@ -73,14 +77,23 @@ def run_worker() -> None:
         with listen_to_steps(lambda step: _answer(answers, {"step": step})) if traced else nullcontext():
             warnings = JOB_KINDS[request["kind"]].work(request, lambda part: report(_WORK_SHARE * part))
             _pack(_OUT)
-        _answer(answers, {"warnings": [text[:_MAX_WARNING] for text in warnings[:_MAX_WARNINGS]]})
+        _answer(answers, {"warnings": [_as_words(text) for text in warnings[:MAX_WARNINGS]]})
     except LightingError as error:
-        _answer(answers, {"error": str(error), "code": error.code.value})
-    except (OSError, MemoryError) as error:
-        reason = "memory" if isinstance(error, MemoryError) else "disk"
-        _answer(answers, {"error": f"The job needs more {reason} than it may have.", "code": "unreadable"})
-    except Exception:
-        _answer(answers, {"log": traceback.format_exc()})
+        _answer(answers, {"error": _as_words(str(error)), "code": error.code.value})
+    except MemoryError:
+        _answer(answers, {"error": "The job needs more memory than it may have.", "code": "unreadable"})
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in DISK_FULL:
+            _answer(
+                answers, {"error": "The job needs more disk than it may have, or than there is.", "code": "unreadable"}
+            )
+            return
+        _answer(answers, {"log": escape_undecodable(traceback.format_exc())[-_MAX_LOG:]})
+
+
+def _as_words(text: str) -> str:
+    """A sentence as an answer holds it: short, and without the half characters that names of files may have."""
+    return escape_undecodable(text)[:MAX_WORDS]
 
 
 def _answer(answers: BinaryIO, content: Json) -> None:
@@ -116,14 +129,12 @@ def _user_input(request: Json) -> UserInput:
     return UserInput(**{**stated, "time": datetime.fromisoformat(time) if time else None})
 
 
-def _adjustments(options: Json) -> Adjustments | None:
-    stated = options["adjustments"]
-    return stated and Adjustments(**{**stated, "sun": stated["sun"] and tuple(stated["sun"])})
-
-
-def _map_options(options: Json) -> Any:
-    detail = options.get("detail", True)  # requests of earlier versions, which wait on disk, have none
-    return {"sun": options["sun"], "detail": detail, "adjustments": _adjustments(options)}
+def _view(options: Json, without_detail: str) -> MapOptions:
+    """The options of maps, also of a request of 0.2.0, which waits on disk."""
+    if "view" in options:
+        return MapOptions.of_json(options["view"])
+    around = around_of_switches(None, options.get("detail", True), without_detail)
+    return MapOptions.of_json({**{name: options[name] for name in ("height", "sun", "adjustments")}, "around": around})
 
 
 def _process_clip(request: Json, report: Report) -> Sequence[str]:
@@ -134,8 +145,7 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
 
     limit_address_space(_MEMORY)
     options = request["options"]
-    view = _map_options(options)
-    outputs = OutputOptions(options["height"], tool=options["tool"], film=options["preview"], **view)
+    outputs = OutputOptions(_view(options, Around.PLAIN), options["tool"], film=options["preview"])
     job = VideoJob(Path(request["upload"]), _OUT, _user_input(request), options["every"], outputs)
     with Clip(job.source) as clip:
         duration = max(clip.info.duration, 1e-3)
@@ -154,20 +164,22 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
 
 def _estimate_photos(request: Json, report: Report) -> Sequence[str]:
     """`lighting batch`."""
-    from lighting.batch.job import BatchJob, MapOptions
+    from lighting.batch.job import BatchJob, MapOutput
     from lighting.batch.pool import open_batch, run_pool
     from lighting.batch.results import find_photos
 
-    _unpack(Path(request["upload"]), request["max_bytes"] // 2)
+    renamed = _unpack(Path(request["upload"]), request["max_bytes"] // 2)
     source, names = find_photos(str(_PHOTOS))
     options = request["options"]
-    maps = MapOptions(options["height"], **_map_options(options)) if options["envmap"] else None
+    file = FileOptions(**options.get("file", {}))
+    maps = MapOutput(_view(options, Around.PHOTO), file) if options["envmap"] else None
     job = BatchJob(source, str(_OUT), request["model"], maps, user_input=_user_input(request))
     with open_batch(job) as journal:
         for done, _ in enumerate(run_pool(job, names, journal, workers=1), 1):
             report(done / len(names))
         failed = journal.failed
-    return [f"{failed} of {len(names)} photos cannot be read; lighting.jsonl says why."] if failed else []
+    told = [f"{failed} of {len(names)} photos cannot be read; lighting.jsonl says why."] if failed else []
+    return [*told, *renamed]
 
 
 def _estimate_normals(request: Json, report: Report) -> Sequence[str]:
@@ -176,7 +188,7 @@ def _estimate_normals(request: Json, report: Report) -> Sequence[str]:
     from lighting.stereo.solver import Network
 
     limit_address_space(_MEMORY)
-    _unpack(Path(request["upload"]), request["max_bytes"] // 2)
+    renamed = _unpack(Path(request["upload"]), request["max_bytes"] // 2)
     stated = request["user_input"]
     known = {name: stated[name] for name in ("latitude", "longitude", "heading", "utc_offset")}
     pose = {"pitch": request["options"]["camera_elevation"], "roll": request["options"]["camera_roll"]}
@@ -190,7 +202,7 @@ def _estimate_normals(request: Json, report: Report) -> Sequence[str]:
     day = _only_folder(_PHOTOS)
     result = estimate_normals(day, NormalsOptions(**known, **pose), Network.load(), NormalsProgress(photos, pixels))
     write_normals(_OUT, result)
-    return result.warnings
+    return [*result.warnings, *renamed]
 
 
 def _watch(items: Iterable[T], count: int, report: Report) -> Iterator[T]:
@@ -205,47 +217,86 @@ def _only_folder(folder: Path) -> Path:
     return inside[0] if len(inside) == 1 and inside[0].is_dir() else folder
 
 
-def _unpack(archive: Path, max_bytes: int) -> None:
-    """Unpack a ZIP of photos into _PHOTOS, whatever its names and sizes say; raises _UploadError."""
-    left = max_bytes
-    try:
-        with zipfile.ZipFile(archive) as source:
-            files = [info for info in source.infolist() if not info.is_dir() and not _is_link(info)]
-            if len(files) > MAX_FILES:
-                raise _UploadError(f"The ZIP holds {len(files)} files; at most {MAX_FILES} are taken.")
-            for info in files:
-                with source.open(info) as packed, _create_file(info.filename) as target:
-                    while block := packed.read(min(_SLICE, left + 1)):
-                        left -= len(block)
-                        if left < 0:
-                            raise _UploadError(f"The ZIP holds more than {max_bytes / 1e6:g} MB of photos.")
-                        target.write(block)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
-        raise _UploadError("The upload is no ZIP that can be read.") from error
+def _unpack(archive: Path, max_bytes: int) -> list[str]:
+    """Unpack a ZIP of photos into _PHOTOS, whatever its names and sizes say; raises _UploadError.
+
+    Args:
+        archive: the upload.
+        max_bytes: of all its photos.
+
+    Returns:
+        Sentences about photos of one name, which get different ones.
+    """
+    left, renamed = max_bytes, list[str]()
+    for name, blocks in _read_zip(archive):
+        with _create_file(name) as target:
+            for block in blocks:
+                left -= len(block)
+                if left < 0:
+                    raise _UploadError(f"The ZIP holds more than {max_bytes / 1e6:g} MB of photos.")
+                target.write(block)
+        path = Path(target.name)
+        if path.stem != _path_of(name).stem:
+            renamed.append(f"The ZIP holds {_path_of(name).name} more than once in a folder; one is {path.name} now.")
     _PHOTOS.mkdir(exist_ok=True)
+    return renamed
 
 
-def _is_link(info: zipfile.ZipInfo) -> bool:
-    return stat.S_ISLNK(info.external_attr >> 16)
+def _read_zip(archive: Path) -> Iterator[tuple[str, Iterator[bytes]]]:
+    """The name and the blocks of each file in a ZIP."""
+    with _zip_errors(), zipfile.ZipFile(archive) as source:
+        files = [info for info in source.infolist() if not info.is_dir() and not stat.S_ISLNK(info.external_attr >> 16)]
+        if len(files) > MAX_FILES:
+            raise _UploadError(f"The ZIP holds {len(files)} files; at most {MAX_FILES} are taken.")
+        for info in files:
+            yield info.filename, _read_member(source, info)
+
+
+def _read_member(source: zipfile.ZipFile, info: zipfile.ZipInfo) -> Iterator[bytes]:
+    with _zip_errors(), source.open(info) as packed:
+        while block := packed.read(_SLICE):
+            yield block
+
+
+@contextmanager
+def _zip_errors() -> Iterator[None]:
+    """Say that a ZIP is none, around what reads it alone: each way of packing has errors of its own."""
+    try:
+        yield
+    except (LightingError, MemoryError):
+        raise
+    except Exception as error:
+        raise _UploadError("The upload is no ZIP that can be read.") from error
+
+
+def _path_of(name: str) -> Path:
+    """The path below _PHOTOS of a name in an archive, as far as that stays there."""
+    parts = [part[-100:] for part in PurePosixPath(name.replace("\\", "/")).parts if part.strip("./ ")]
+    return _PHOTOS.joinpath(*parts[-4:] or ["photo"])
 
 
 def _create_file(name: str) -> BinaryIO:
-    """A new file below _PHOTOS, under the name in an archive as far as that stays there."""
-    parts = [part[-100:] for part in PurePosixPath(name.replace("\\", "/")).parts if part.strip("./ ")]
-    path = _PHOTOS.joinpath(*parts[-4:] or ["photo"])
+    """A new file for a name in an archive; where there is one, under the next number."""
+    path = _path_of(name)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        return path.open("xb")
-    except OSError as error:
-        raise _UploadError("The ZIP holds a name that is no file's, or one twice.") from error
+        for number in count(1):
+            with suppress(FileExistsError):
+                return path.with_stem(f"{path.stem}-{number}" if number > 1 else path.stem).open("xb")
+    except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno in DISK_FULL:
+            raise
+        raise _UploadError(f"The ZIP holds a name that is no file's: {name[-_MAX_NAME:]}.") from error
+    raise AssertionError
 
 
 _USER_INPUT = frozenset({"metadata", "time", "utc_offset", "latitude", "longitude", "heading", "vertical_fov"})
-MAP_OPTIONS = frozenset({"height", "detail", "sun", "exposure", "haze", "overcast"})
+_CLIP_OPTIONS = frozenset({"height", "around", "sun", *option_texts(Adjustments)})
+MAP_OPTIONS = _CLIP_OPTIONS | frozenset({*option_texts(MapOptions), *option_texts(FileOptions)})
 JOB_KINDS = {
     "video": _JobKind(
         "a clip",
-        _USER_INPUT | MAP_OPTIONS | {"camera_height", "keep_location", "every", "for", "preview"},
+        _USER_INPUT | _CLIP_OPTIONS | {"camera_height", "keep_location", "every", "for", "preview"},
         _process_clip,
     ),
     "photos": _JobKind(

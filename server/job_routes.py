@@ -1,36 +1,38 @@
 """Long jobs over HTTP: submit a clip or a ZIP of photos, ask how far it is, take the result, delete it."""
 
-import errno
 import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import Annotated, Any, Self
 
+from anyio import to_thread
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from pydantic import Field, model_validator
 
-from lighting.envmap.relighting import Adjustments
 from lighting.fusion.user_input import UserInput
+from lighting.map_options import Around
 from lighting.records import Json
 from lighting.scene import animated_tools
 from server import field_types as types
 from server import problems
 from server.dependencies import ServiceDep
 from server.field_types import InRange, NotNull, RegistryName, field_error
-from server.job_kinds import JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
-from server.jobs import JobRunner, JobState, StoredJob
+from server.job_kinds import DISK_FULL, JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
+from server.job_store import JobState, StoredJob
+from server.jobs import JobRunner
 from server.limits import BusyError, client_of_request
 from server.problems import ProblemError, problem_responses
-from server.query_params import AdjustQuery, UserInputQuery, refuse_parameters
+from server.query_params import AdjustQuery, MapQuery, PlaceQuery, UserInputQuery, refuse_parameters
 from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
-from server.responses import ZIP_TYPE
+from server.responses import ZIP_TYPE, link_from
 from server.schemas import JobRecord
 
 _UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
 _UPLOAD_PART = 2  # an upload may have this part of a job's bytes
-_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 _POLL_SECONDS = "2"  # after which a client may ask again
 _SUFFIX = re.compile(r"\.[A-Za-z0-9]{1,5}")
 _BINARY = {"type": "string", "format": "binary"}
@@ -51,7 +53,7 @@ _OFF = "This service takes no jobs; its operator can turn them on by LIGHTING_JO
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=FormRoute)
 
 
-class _JobQuery(UserInputQuery, AdjustQuery):
+class _JobQuery(UserInputQuery, AdjustQuery, PlaceQuery, MapQuery):
     """What a job does, and what is known of its photos."""
 
     kind: Annotated[str, RegistryName(JOB_KINDS)] = Field(
@@ -63,10 +65,6 @@ class _JobQuery(UserInputQuery, AdjustQuery):
     )
     preview: types.Flag = Field(False, description="of a clip: also the clip with horizon, sun and balls drawn in")
     envmap: types.Flag = Field(False, description="of photos: also the environment map of each")
-    detail: types.Flag = Field(
-        True, description="add fine detail to maps, all around; without it, a clip's maps show sky and ground"
-    )
-    height: types.Height = 512
     camera_elevation: types.CameraElevation = 0.0
     camera_roll: types.CameraRoll = 0.0
 
@@ -86,16 +84,19 @@ class _JobQuery(UserInputQuery, AdjustQuery):
         """The request of a job's process."""
         known = self.user_input()
         stated = {field.name: getattr(known, field.name) for field in fields(UserInput)}
-        names = ("every", "tool", "preview", "envmap", "detail", "height", "camera_elevation", "camera_roll")
-        adjustments = self.adjustments()
+        names = ("every", "tool", "preview", "envmap", "camera_elevation", "camera_roll")
+        options = {name: getattr(self, name) for name in names}
         return {
             "kind": self.kind,
             "upload": upload,
             "model": model,
             "user_input": {**stated, "time": known.time.isoformat() if known.time else None},
-            "options": {name: getattr(self, name) for name in names}
-            | {"sun": self.sun_in_map, "adjustments": None if adjustments == Adjustments() else asdict(adjustments)},
+            "options": {**options, "view": asdict(self.view()), "file": asdict(self.file_options())},
         }
+
+    @classmethod
+    def _without_detail(cls, values: Mapping[str, Any]) -> str:
+        return Around.PLAIN.value if values.get("kind") == "video" else super()._without_detail(values)
 
 
 async def _get_jobs(service: ServiceDep) -> JobRunner:
@@ -122,15 +123,21 @@ JobDep = Annotated[StoredJob, Depends(_find_job)]
 async def _receive_upload(request: Request, service: ServiceDep, jobs: JobsDep) -> Any:
     """The number of a new job, whose upload lies in its folder; all of it is gone if the request fails."""
     limits = BodyLimits(jobs.max_bytes // _UPLOAD_PART, _UPLOAD_SECONDS, service.settings.upload_rate)
-    with jobs.store.reserve_place(client_of_request(request)) as number:
-        path = jobs.store.path(number) / UPLOAD_STEM
-        body = RequestBody(request, limits, service.uploads.count_upload)
-        try:
-            name = await body.save(path)
-        except OSError as error:
-            raise (BusyError("The disk for jobs is full.") if error.errno in _DISK_FULL else error) from error
-        suffix = PurePath(name).suffix
-        yield number, path.rename(path.with_suffix(suffix if _SUFFIX.fullmatch(suffix) else ""))
+    with _disk_errors():
+        async with jobs.store.reserve_place(client_of_request(request)) as number:
+            path = jobs.store.work_folder(number) / UPLOAD_STEM
+            name = await RequestBody(request, limits, service.uploads.count_upload).save(path)
+            suffix = PurePath(name).suffix
+            yield number, path.rename(path.with_suffix(suffix if _SUFFIX.fullmatch(suffix) else ""))
+
+
+@contextmanager
+def _disk_errors() -> Iterator[None]:
+    """Say that the disk is full, where the system says so."""
+    try:
+        yield
+    except OSError as error:
+        raise (BusyError("The disk for jobs is full.") if error.errno in DISK_FULL else error) from error
 
 
 UploadDep = Annotated[Any, Depends(_receive_upload)]
@@ -157,7 +164,7 @@ async def _submit_job(
     wanted = query.to_request(path.name, str(model.resolve()) if model else None)
     if service.tracer:
         wanted["trace"] = service.tracer.current_context()
-    jobs.submit(StoredJob(number, client_of_request(request), wanted))
+    await jobs.submit(StoredJob(number, client_of_request(request), wanted))
     return _answer_job(request, jobs, number, 202)
 
 
@@ -185,8 +192,10 @@ async def _download_result(jobs: JobsDep, job: JobDep) -> Response:
     """It is kept for a day after the job has finished."""
     if job.state is not JobState.FINISHED:
         raise ProblemError(problems.NO_RESULT, job.error or f"The job is {job.state.value}; ask again.")
-    headers = {"Cache-Control": "private, no-store"}
-    return FileResponse(jobs.store.path(job.id) / RESULT_FILE, media_type=ZIP_TYPE, headers=headers)
+    path = jobs.store.path(job.id) / RESULT_FILE
+    if not await to_thread.run_sync(path.is_file):
+        raise ProblemError(problems.UNKNOWN_JOB, "Somebody removed the result from the service's disk.")
+    return FileResponse(path, media_type=ZIP_TYPE, headers={"Cache-Control": "private, no-store"})
 
 
 @router.delete(
@@ -208,7 +217,7 @@ def _answer_job(request: Request, jobs: JobRunner, number: str, status: int) -> 
     job = jobs.store.find(number)
     if job is None:
         raise ProblemError(problems.UNKNOWN_JOB, problems.UNKNOWN_JOB.example)
-    address = f"{request.scope.get('root_path', '')}/v1/jobs/{job.id}"
+    address = link_from(request, f"/v1/jobs/{job.id}")
     finished, ended = job.state is JobState.FINISHED, job.expires is not None
     record = JobRecord(
         id=job.id,

@@ -1,243 +1,60 @@
-"""Jobs: one at a time, in turn by client, each in a process of its own within bounds of time and disk.
+"""Long jobs at work: one at a time, in turn by client, each in a process of its own within bounds of time and disk.
 
-On disk they are a table in SQLite that survives a restart, and a folder for each job.
+Nothing that a job, its process or the disk does ends the runner: a turn that fails is logged in a line, and the next
+one comes.
 """
 
 import json
 import logging
-import secrets
-import shutil
-import sqlite3
-import sys
+import os
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
-from enum import StrEnum
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from subprocess import Popen
-from typing import IO
+from typing import Annotated, Any
 
 from anyio import CancelScope, Event, get_cancelled_exc_class, move_on_after, sleep, to_thread
+from pydantic import BaseModel, Field, ValidationError
 
+from lighting.errors import ErrorCode
 from lighting.records import Json
 from lighting.runtime import process_seconds, start_python
-from server.job_kinds import RESULT_FILE
-from server.limits import BusyError, Client, ShareTakenError, Tally
-from server.settings import PREFIX, SettingsError
+from server.job_kinds import MAX_WARNINGS, MAX_WORDS
+from server.job_store import MAX_ATTEMPTS, JobState, JobStore, StoredJob
+from server.limits import Client
 from server.tracing import JobSpan, RequestTracer
-
-RESULT_SECONDS = 86_400.0  # for which a job's result is kept
-_CLIENT_PARTS = 4  # one client may have the fourth part of the places
-_MAX_ATTEMPTS = 2  # a job that was twice at work when the service died is not tried again
-_TABLE_FILE, _LOCK_FILE = "jobs.sqlite", "lock"
-_COLUMNS = "id, client, request, state, created, ended, attempts, error, code, warnings"
-_CREATE = f"CREATE TABLE IF NOT EXISTS jobs ({_COLUMNS}, PRIMARY KEY (id))"
-
-
-class JobState(StrEnum):
-    """Where a job is on its way."""
-
-    QUEUED = "queued"
-    RUNNING = "running"
-    FINISHED = "finished"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class StoredJob:
-    """A row of the table."""
-
-    id: str
-    client: Client
-    request: Json
-    state: JobState = JobState.QUEUED
-    created: float = 0.0  # s since 1970
-    ended: float | None = None
-    attempts: int = 0  # that began and did not end
-    error: str = ""
-    code: str = ""
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def expires(self) -> float | None:
-        """When a job that has ended is forgotten, s since 1970."""
-        return None if self.ended is None else self.ended + RESULT_SECONDS
-
-
-class JobStore:
-    """The jobs of one service; used in the event loop's thread alone.
-
-    Args:
-        folder: exists; no other service uses it.
-        places: jobs that are kept at a time, those that have ended included.
-
-    Raises:
-        SettingsError: the folder cannot be used, or another service uses it.
-    """
-
-    def __init__(self, folder: Path, places: int) -> None:
-        self.folder = folder
-        self.places = places
-        self._arriving = Tally()
-        try:
-            self._lock = _lock_folder(folder)
-            self._table = sqlite3.connect(folder / _TABLE_FILE, isolation_level=None, check_same_thread=False)
-            self._table.execute("PRAGMA journal_mode=WAL")
-            self._table.execute(_CREATE)
-            self._recover()
-        except (OSError, sqlite3.Error) as error:
-            raise SettingsError(f"{PREFIX}JOBS_FOLDER: {folder} cannot be used: {error}.") from error
-
-    def _recover(self) -> None:
-        """Queue again what was at work, unless that happened twice; remove folders that belong to no job."""
-        reason = "The service ended twice while it worked on this."
-        for job in self.all_jobs():
-            if job.state is JobState.RUNNING:
-                if job.attempts >= _MAX_ATTEMPTS:
-                    self.end(job.id, error=reason, code="failed")
-                else:
-                    self._set(job.id, state=JobState.QUEUED)
-        known = {job.id for job in self.all_jobs()}
-        for path in self.folder.iterdir():
-            if path.is_dir() and path.name not in known:
-                shutil.rmtree(path, ignore_errors=True)
-
-    def close(self) -> None:
-        """Let another service use the folder."""
-        self._table.close()
-        self._lock.close()
-
-    @contextmanager
-    def reserve_place(self, client: Client) -> Iterator[str]:
-        """A place for a job whose upload arrives, and its folder; without `add` in the block, both are gone after it.
-
-        Args:
-            client: who asks.
-
-        Yields:
-            The number of the job, which nobody can guess.
-
-        Raises:
-            ShareTakenError: this client has its share of the places.
-            BusyError: all places are taken.
-        """
-        held = Tally()
-        jobs = self.all_jobs()
-        for holder in (*(job.client for job in jobs), *self._arriving):
-            held.add(holder, 1)
-        if held.load(client, 1) > max(1, self.places // _CLIENT_PARTS):
-            raise ShareTakenError("This client has its share of the jobs; delete one that has ended.")
-        if len(jobs) + len(self._arriving) >= self.places:
-            raise BusyError("All places for jobs are taken.")
-        number = secrets.token_urlsafe(16)
-        self._arriving.add(client, 1)
-        self.path(number).mkdir()
-        try:
-            yield number
-        finally:
-            self._arriving.add(client, -1)
-            if self.find(number) is None:
-                shutil.rmtree(self.path(number), ignore_errors=True)
-
-    def path(self, number: str) -> Path:
-        """The folder of a job."""
-        return self.folder / number
-
-    def add(self, job: StoredJob) -> None:
-        """Queue a job whose upload has come."""
-        values = (job.id, json.dumps(job.client.groups), json.dumps(job.request), job.state, time.time())
-        self._table.execute(f"INSERT INTO jobs ({_COLUMNS}) VALUES (?, ?, ?, ?, ?, NULL, 0, '', '', '[]')", values)
-
-    def find(self, number: str) -> StoredJob | None:
-        """A job; None where there is none of this number."""
-        row = self._table.execute(f"SELECT {_COLUMNS} FROM jobs WHERE id = ?", (number,)).fetchone()
-        return _job_of(row) if row else None
-
-    def all_jobs(self) -> list[StoredJob]:
-        """All jobs, the oldest first."""
-        rows = self._table.execute(f"SELECT {_COLUMNS} FROM jobs ORDER BY created, rowid").fetchall()
-        return [_job_of(row) for row in rows]
-
-    def begin(self, job: StoredJob) -> None:
-        """Note that a job is worked on, with nothing left of an earlier attempt."""
-        self._set(job.id, state=JobState.RUNNING, attempts=job.attempts + 1)
-        self._clean(job.id, keep=job.request["upload"])
-
-    def requeue(self, job: StoredJob) -> None:
-        """Queue a job again that a shutdown stopped, as if it had not begun."""
-        self._set(job.id, state=JobState.QUEUED, attempts=job.attempts)
-
-    def end(self, number: str, *, warnings: tuple[str, ...] = (), error: str = "", code: str = "") -> None:
-        """Note that a job has ended; of its folder the result alone is kept, where it did not fail."""
-        self._clean(number, keep="" if error else RESULT_FILE)
-        state = JobState.FAILED if error else JobState.FINISHED
-        self._set(number, state=state, ended=time.time(), warnings=json.dumps(warnings), error=error, code=code)
-
-    def remove(self, number: str) -> None:
-        """Forget a job and delete its files."""
-        self._table.execute("DELETE FROM jobs WHERE id = ?", (number,))
-        shutil.rmtree(self.path(number), ignore_errors=True)
-
-    def remove_expired(self) -> None:
-        """Forget the jobs that ended RESULT_SECONDS ago."""
-        for job in self.all_jobs():
-            if job.expires is not None and job.expires <= time.time():
-                self.remove(job.id)
-
-    def _set(self, number: str, **values: object) -> None:
-        names = ", ".join(f"{name} = ?" for name in values)
-        self._table.execute(f"UPDATE jobs SET {names} WHERE id = ?", (*values.values(), number))
-
-    def _clean(self, number: str, keep: str) -> None:
-        for path in self.path(number).iterdir():
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path, ignore_errors=True)
-            elif path.name != keep:
-                with suppress(OSError):
-                    path.unlink()
-
-
-def _job_of(row: tuple[object, ...]) -> StoredJob:
-    number, client, request, state, created, ended, attempts, error, code, warnings = row
-    return StoredJob(
-        str(number),
-        Client(tuple(json.loads(str(client)))),
-        json.loads(str(request)),
-        JobState(str(state)),
-        float(str(created)),
-        None if ended is None else float(str(ended)),
-        int(str(attempts)),
-        str(error),
-        str(code),
-        tuple(json.loads(str(warnings))),
-    )
-
-
-def _lock_folder(folder: Path) -> IO[bytes]:
-    """The open lock of a folder, which ends with the process; OSError if another process has it."""
-    lock = (folder / _LOCK_FILE).open("wb")
-    if sys.platform != "win32":
-        import fcntl
-
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            lock.close()
-            raise OSError("another service uses it") from None
-    return lock
-
 
 _WORKER = "from server.job_kinds import run_worker; run_worker()"
 _POLL_SECONDS = 0.25  # between two looks at the process at work
 _SWEEP_SECONDS = 60.0  # between two looks for jobs that are to be forgotten
+_PAUSE_SECONDS = 2.0  # after a turn that failed
+_SILENT_SECONDS = 150.0  # after which the runner, who says more often that it lives, stands still
 _MAX_LINE = 1 << 16  # bytes of a line that the process writes
+_MIN_FILE_BYTES = 4096  # that a file counts at least, so that nobody makes very many
+_MAX_LOG = 4000  # letters of a traceback
 _DISK_ERROR, _TIME_ERROR = "The job needs more disk than it may have.", "The job took longer than it may."
 _CRASH_ERROR = "The job's process died: it needed too much memory, or its upload is damaged."
 _INTERNAL_ERROR = "An unexpected error occurred in the job."
+_LOST_ERROR = "The job's files are gone."
 
 log = logging.getLogger(__name__)
+
+_Words = Annotated[str, Field(max_length=MAX_WORDS)]
+
+
+class _Answer(BaseModel):
+    """A line of a job's process, which somebody may have taken over."""
+
+    progress: Annotated[float, Field(ge=0, le=1)] | None = None
+    step: list[Any] | None = None
+    warnings: Annotated[list[_Words], Field(max_length=MAX_WARNINGS)] | None = None
+    error: _Words = ""
+    code: ErrorCode | None = None
+    log: str = ""
 
 
 @dataclass
@@ -247,8 +64,8 @@ class _Worker:
     process: "Popen[bytes]"
     span: JobSpan | None  # None: the job is not traced
     progress: float = 0.0
-    outcome: Json = field(default_factory=dict)
-    listener: threading.Thread = field(init=False)
+    outcome: _Answer = field(default_factory=_Answer)
+    listener: threading.Thread | None = None
 
     def begin(self, request: Json) -> None:
         """Send the request, and listen from now on."""
@@ -262,7 +79,8 @@ class _Worker:
         """End the process, and wait until all that it wrote is read."""
         self.process.kill()
         self.process.wait()
-        self.listener.join()
+        if self.listener:
+            self.listener.join()
         assert self.process.stdout is not None
         self.process.stdout.close()
 
@@ -270,20 +88,16 @@ class _Worker:
         """Read what the process writes, to its end."""
         assert self.process.stdout is not None
         while line := self.process.stdout.readline(_MAX_LINE):
-            try:
-                content = json.loads(line)
-                if "progress" in content:
-                    self.progress = float(content["progress"])
-                elif "step" in content:
-                    self._trace(content["step"])
-                else:
-                    self.outcome = dict(content)
-            except (ValueError, TypeError):  # of a process that somebody has taken over
-                continue
+            with suppress(ValidationError):
+                self._take(_Answer.model_validate_json(line))
 
-    def _trace(self, step: object) -> None:
-        if self.span is not None:
-            self.span.add_step(step)
+    def _take(self, answer: _Answer) -> None:
+        if answer.progress is not None:
+            self.progress = answer.progress
+        elif answer.step is None:
+            self.outcome = answer
+        elif self.span is not None:
+            self.span.add_step(answer.step)
 
 
 class JobRunner:
@@ -315,10 +129,18 @@ class JobRunner:
         self._tracer = tracer
         self._current: tuple[str, _Worker] | None = None
         self._news = Event()
+        self._fault = ""  # of the last turn
+        self._alive = time.monotonic()  # when the runner last did anything
 
-    def submit(self, job: StoredJob) -> None:
-        """Queue a job whose upload lies in its folder."""
-        self.store.add(job)
+    @property
+    def fault(self) -> str:
+        """Why no job is worked on, though some may wait; empty where all is well."""
+        silent = time.monotonic() - self._alive
+        return f"nothing has happened for {silent:.0f} s" if silent > _SILENT_SECONDS else self._fault
+
+    async def submit(self, job: StoredJob) -> None:
+        """Queue a job whose upload lies in its folder; raises as `JobStore.add`."""
+        await self.store.add(job)
         self._news.set()
 
     def progress(self, job: StoredJob) -> float:
@@ -331,18 +153,37 @@ class JobRunner:
         """Stop a job, if it is at work, and forget it."""
         if self._current and self._current[0] == number:
             self._current[1].process.kill()
-        self.store.remove(number)
+        await self.store.remove(number, "its client deleted it")
 
     async def run(self) -> None:
         """Work until this is cancelled."""
         while True:
-            self.store.remove_expired()
-            if job := self._next():
-                await self._carry_out(job)
-                continue
-            self._news = Event()
-            with move_on_after(_SWEEP_SECONDS):
-                await self._news.wait()
+            self._alive = time.monotonic()
+            try:
+                await self._take_turn()
+            except Exception as error:
+                self._note(error)
+                await sleep(_PAUSE_SECONDS)
+
+    def _note(self, error: Exception) -> None:
+        """Log why a turn failed, in one line, unless the one before failed so."""
+        fault = f"{error.strerror or 'a system error'}" if isinstance(error, OSError) else "an unexpected error"
+        if fault != self._fault:
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            log.error("jobs stand still: %r at %s:%s", error, frame.filename, frame.lineno)
+        self._fault = fault
+
+    async def _take_turn(self) -> None:
+        """Work on the next job, or wait for one."""
+        await self.store.sweep()
+        if job := self._next():
+            await self._carry_out(job)
+            self._fault = ""
+            return
+        self._fault = ""
+        self._news = Event()
+        with move_on_after(_SWEEP_SECONDS):
+            await self._news.wait()
 
     def _next(self) -> StoredJob | None:
         jobs = [job for job in self.store.all_jobs() if job.state is JobState.QUEUED]
@@ -361,31 +202,47 @@ class JobRunner:
             span.end(now.state.value if now else "deleted", now.code if now else "")
 
     async def _run_worker(self, job: StoredJob, span: JobSpan | None = None) -> None:
-        self.store.begin(job)
-        worker = _Worker(start_python(_WORKER), span)
-        self._current = job.id, worker
-        folder = self.store.path(job.id).resolve()
-        settings = {"folder": str(folder), "max_bytes": self.max_bytes, "traced": span is not None}
-        worker.begin({**job.request, **settings})
         try:
-            error = await self._watch(job.client, worker.process, folder)
+            begun = await self.store.begin(job)
+        except FileNotFoundError:
+            await self.store.end(job.id, error=_LOST_ERROR, code="failed")
+            return
+        if begun is None:
+            return
+        try:
+            worker, error = await self._work(begun, span)
         except get_cancelled_exc_class():  # the service shuts down
-            self.store.requeue(job)
+            with CancelScope(shield=True):
+                await self.store.requeue(job)
             raise
+        except Exception:  # of this job, or of the system: it is tried again as often as after a crash of the service
+            if begun.attempts < MAX_ATTEMPTS:
+                await self.store.requeue(replace(begun, state=JobState.QUEUED))
+            else:
+                await self.store.end(job.id, error=_INTERNAL_ERROR, code="failed")
+            raise
+        await self._end(job, worker.outcome, error)
+
+    async def _work(self, job: StoredJob, span: JobSpan | None) -> tuple[_Worker, str]:
+        """The process that worked on a job, when it has ended, and why it had to, or nothing."""
+        worker = _Worker(await to_thread.run_sync(start_python, _WORKER), span)
+        self._current = job.id, worker
+        try:
+            folder = self.store.work_folder(job.id).resolve()
+            settings = {"folder": str(folder), "max_bytes": self.max_bytes, "traced": span is not None}
+            worker.begin({**job.request, **settings})
+            return worker, await self._watch(job.client, worker.process, folder)
         finally:
             self._current = None
             with CancelScope(shield=True):
                 await to_thread.run_sync(worker.end)
-        if self.store.find(job.id):  # else it was deleted meanwhile
-            self._end(job, worker.outcome, error)
-        else:
-            self.store.remove(job.id)  # what the process wrote since
 
     async def _watch(self, client: Client, process: "Popen[bytes]", folder: Path) -> str:
         """Wait for the end of a job's process; why it has to end, or nothing."""
         began, charged = time.monotonic(), 0.0
         while process.poll() is None:
             await sleep(_POLL_SECONDS)
+            self._alive = time.monotonic()
             used = process_seconds(process.pid) or charged
             self._charge(client, used - charged)
             charged = used
@@ -395,22 +252,25 @@ class JobRunner:
                 return _DISK_ERROR
         return ""
 
-    def _end(self, job: StoredJob, outcome: Json, error: str) -> None:
+    async def _end(self, job: StoredJob, outcome: _Answer, error: str) -> None:
         kind = job.request["kind"]
-        if "log" in outcome:
-            log.error("job of kind %s failed:\n%s", kind, outcome["log"])
-        if not error and "warnings" in outcome and (self.store.path(job.id) / RESULT_FILE).is_file():
-            self.store.end(job.id, warnings=tuple(map(str, outcome["warnings"])))
-        else:
-            told = str(outcome.get("error") or (_INTERNAL_ERROR if "log" in outcome else _CRASH_ERROR))
-            self.store.end(job.id, error=error or told, code=str(outcome.get("code", "failed")))
-        log.info("job of kind %s %s", kind, "failed" if error or "warnings" not in outcome else "finished")
+        if outcome.log:
+            log.error("job of kind %s failed: %r", kind, outcome.log[-_MAX_LOG:])
+        if not error and outcome.warnings is not None and await self.store.take_result(job.id):
+            await self.store.end(job.id, warnings=tuple(outcome.warnings))
+            log.info("job of kind %s finished", kind)
+            return
+        told = outcome.error or (_INTERNAL_ERROR if outcome.log else _CRASH_ERROR)
+        code = outcome.code.value if outcome.code and not error else "failed"
+        await self.store.end(job.id, error=error or told, code=code)
+        log.info("job of kind %s failed", kind)
 
 
 def _folder_size(folder: Path) -> int:
-    """The bytes of all files in a folder, some of which may vanish meanwhile."""
+    """The bytes of all files and folders in a folder, some of which may vanish meanwhile."""
     size = 0
-    for path in folder.rglob("*"):
-        with suppress(OSError):
-            size += path.lstat().st_size
+    for parent, folders, names in os.walk(folder):
+        for name in (*folders, *names):
+            with suppress(OSError):
+                size += max(Path(parent, name).lstat().st_size, _MIN_FILE_BYTES)
     return size

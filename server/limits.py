@@ -18,8 +18,6 @@ from math import ceil
 from typing import NamedTuple, Protocol, TypeVar
 
 from limits import RateLimitItem
-from limits.storage import MemoryStorage
-from limits.strategies import MovingWindowRateLimiter
 from starlette.requests import HTTPConnection
 
 K = TypeVar("K")
@@ -130,9 +128,6 @@ class Tally:
             load = max(load, (sums.get(group, 0.0) + more) / share)
         return load
 
-    def __iter__(self) -> Iterator[Client]:
-        return iter(self._clients)
-
     def __len__(self) -> int:
         return len(self._clients)
 
@@ -164,41 +159,12 @@ class ApiKeys:
 
 
 class RateLimiter:
-    """Rate limits for each client, in requests; larger groups of addresses have larger ones."""
+    """Limits for each client, in requests or in seconds of processor time; larger groups of addresses have larger ones.
 
-    def __init__(self, limits: list[RateLimitItem]) -> None:
-        self.limits = limits
-        self._windows = MovingWindowRateLimiter(MemoryStorage())
-
-    def __bool__(self) -> bool:
-        return bool(self.limits)
-
-    def seconds_to_wait(self, client: Client) -> int:
-        """Seconds until the client may send another request; if 0, this request is counted.
-
-        Args:
-            client: who asks.
-        """
-        windows = [
-            (type(limit)(limit.amount * share, limit.multiples, limit.namespace), group)
-            for limit in self.limits
-            for group, share in zip(client.groups, GROUP_SHARES, strict=False)
-        ]
-        waits = [self._reset_seconds(limit, group) for limit, group in windows if not self._windows.test(limit, group)]
-        if not waits:
-            for limit, group in windows:
-                self._windows.hit(limit, group)
-        return max(waits, default=0)
-
-    def _reset_seconds(self, limit: RateLimitItem, group: str) -> int:
-        return max(1, round(self._windows.get_window_stats(limit, group).reset_time - time.time()))
-
-
-class CpuLimiter:
-    """Limits for each client, in seconds of processor time that its requests took.
+    Unlike the library `limits`, which reads them, it counts by a clock that nobody sets.
 
     Args:
-        limits: their amounts are seconds.
+        limits: what may be used in which time.
         clock: seconds.
     """
 
@@ -207,25 +173,25 @@ class CpuLimiter:
     def __init__(self, limits: list[RateLimitItem], clock: Callable[[], float] = time.monotonic) -> None:
         self.limits = limits
         self._clock = clock
-        self._sums: dict[tuple[int, str], deque[tuple[int, float]]] = {}  # by limit and group: part, and seconds in it
+        self._sums: dict[tuple[int, str], deque[tuple[int, float]]] = {}  # by limit and group: part, and sum
         self._purged = clock()
 
     def __bool__(self) -> bool:
         return bool(self.limits)
 
-    def charge(self, client: Client, seconds: float) -> None:
-        """Count what a request took.
+    def charge(self, client: Client, amount: float) -> None:
+        """Count what a client used.
 
         Args:
             client: who asked.
-            seconds: of processor time.
+            amount: requests or seconds.
         """
         for number, limit in enumerate(self.limits):
             part = self._part(limit)
             for group in client.groups:
                 sums = self._sums.setdefault((number, group), deque())
                 before = sums.pop()[1] if sums and sums[-1][0] == part else 0.0
-                sums.append((part, before + seconds))
+                sums.append((part, before + amount))
         self._purge()
 
     def seconds_to_wait(self, client: Client) -> int:
@@ -242,12 +208,12 @@ class CpuLimiter:
         limit = self.limits[number]
         oldest = self._part(limit) - self._PARTS
         sums = [entry for entry in self._sums.get((number, group), ()) if entry[0] > oldest]
-        excess = sum(seconds for _, seconds in sums) - limit.amount * share
+        excess = sum(amount for _, amount in sums) - limit.amount * share
         last = None
-        for part, seconds in sums:
+        for part, amount in sums:
             if excess < 0:
                 break
-            excess -= seconds
+            excess -= amount
             last = part
         return 0 if last is None else self._seconds_until(limit, last)
 

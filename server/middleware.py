@@ -158,20 +158,36 @@ class _ExceptionMiddleware(_Middleware):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         started = False
+        bad_range: ProblemError | None = None
 
         async def send_noting_start(message: Message) -> None:
-            nonlocal started
-            started = started or message["type"] == "http.response.start"
-            await send(message)
+            nonlocal started, bad_range
+            if message["type"] == "http.response.start":
+                bad_range = _find_bad_range(scope, message)
+                started = bad_range is None
+            if bad_range is None:
+                await send(message)
 
         try:
             await self.app(scope, receive, send_noting_start)
+            if bad_range:
+                raise bad_range
         except (Exception, asyncio.CancelledError) as error:
             if scope["type"] != "http" or started:
                 raise
             problem = BusyError(_SHUTDOWN_DETAIL) if isinstance(error, asyncio.CancelledError) else error
             response = await problems.problem_response(Request(scope), problem)
             await response(scope, receive, send)
+
+
+def _find_bad_range(scope: Scope, start: Message) -> ProblemError | None:
+    """The problem where Starlette says in plain text that a file has no such range."""
+    headers = Headers(raw=start["headers"])
+    is_text = headers.get("content-type", "").startswith("text/plain")
+    if not is_text or start["status"] not in (400, 416) or "range" not in Headers(scope=scope):
+        return None
+    length = {name: headers[name] for name in ("content-range",) if name in headers}
+    return ProblemError(problems.BAD_RANGE, problems.BAD_RANGE.example, length)
 
 
 class _HeadAsGetMiddleware(_Middleware):

@@ -419,7 +419,7 @@ def _gzip_text(data: bytes) -> bytes:
 async def _serve_file(files: StaticFiles, path: str, request: Request, cache_control: str) -> Response:
     """A whole file, or its gzipped copy if it is a text and the client accepts that.
 
-    A `Range` is ignored, as by the other routes: starlette answers an impossible one in plain text.
+    A `Range` is ignored, as by routes that make their answers.
     """
     request.scope["headers"] = [pair for pair in request.scope["headers"] if pair[0] != b"range"]
     response = await files.get_response(path, request.scope)

@@ -1,22 +1,20 @@
 """The parameters in the URLs of requests, with units and ranges, and what they must fit together."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from lighting.color import COLOR_SPACES
-from lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments
 from lighting.errors import OLD_NAMES, SHORT_FORMS, ErrorCode, ParameterError
 from lighting.fields import parameter_name
-from lighting.files import MAP_FORMATS
-from lighting.files.exr import COMPRESSIONS
+from lighting.files import FileOptions
 from lighting.fusion.user_input import UserInput, check_headings, read_headings
 from lighting.light_probe import LIGHT_PROBE_FORMATS
+from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
 from lighting.photo.reader import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Color, Json, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
@@ -29,6 +27,9 @@ SUN_BY_DEFAULT = "by default if its power is known or it likely shines"
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
 # Fields of a record whose names mean something else beside a photo: an adjustment, and what is known of its lens.
 _EDIT_NAMES = {"exposure": "sky_exposure", "vertical_fov": "camera_vertical_fov"}
+
+
+_Q = TypeVar("_Q", bound="Query")
 
 
 class Query(BaseModel):
@@ -119,36 +120,49 @@ class LightingsQuery(LightingQuery):
         return self.match and self.together and self.headings is None and photos > 1
 
 
-class MapQuery(Query):
-    """How a map is rendered and written."""
+def with_options(record: type, *names: str) -> Callable[[type[_Q]], type[_Q]]:
+    """Give a Query a parameter for each option of a record.
 
-    sun: types.FlagOrAuto = Field(None, description=f"paint the sun's disc; {SUN_BY_DEFAULT}")
-    height: types.Height = 512
-    yaw: Annotated[float, InRange(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
-    format: types.FormatName = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
-    sky: Annotated[types.SkyName | None, NotNull()] = Field(
-        None, description="another shape of the sky than the record's"
-    )
-    compression: Annotated[str, RegistryName(COMPRESSIONS)] = Field(
-        "zip", description="how an EXR is packed; `zip` writes half floats, `pxr24` and `none` 32-bit floats"
-    )
+    Args:
+        record: such as MapOptions.
+        names: of the options; none is all.
+    """
+    texts, defaults = option_texts(record), record()
+    chosen: Json = {name: types.option_parameter(texts[name], getattr(defaults, name)) for name in names or texts}
+    return lambda query: create_model(query.__name__, __base__=query, __doc__=query.__doc__, **chosen)
 
-    colours: Annotated[str, RegistryName(COLOR_SPACES)] = Field("rec709", description="primaries of an EXR")
 
-    @property
-    def sun_in_map(self) -> bool | None:
-        """Whether the sun is painted; None: by `Lighting.sun_painted`."""
+class ViewQuery(Query):
+    """How a light is shown; parameters that a route lacks are as the library has them."""
+
+    sun: types.FlagOrAuto = Field(None, description=f"paint the sun; {SUN_BY_DEFAULT}")
+
+    def view(self) -> MapOptions:
+        """The same for the library."""
+        names = option_texts(MapOptions).keys() & type(self).model_fields.keys()
+        values = {name: getattr(self, name) for name in names} | {"sun": self._sun_in_map()}
+        return MapOptions(**values, adjustments=self._adjustments())
+
+    def _sun_in_map(self) -> bool | None:
         return self.sun
+
+    def _adjustments(self) -> Adjustments:
+        return Adjustments()
+
+
+@with_options(MapOptions, "height", "yaw", "sky", "disc")
+@with_options(FileOptions)
+class MapQuery(ViewQuery):
+    """How a map is rendered and written."""
 
     @model_validator(mode="after")
     def _check_format_options(self) -> Self:
-        if "compression" in self.explicit_fields() and not MAP_FORMATS[self.format].takes_compression:
-            formats = [name for name, entry in MAP_FORMATS.items() if entry.takes_compression]
-            raise field_error("compression", f"compression goes with format={' or '.join(formats)}")
-        if "colours" in self.explicit_fields() and not MAP_FORMATS[self.format].has_header:
-            formats = [name for name, entry in MAP_FORMATS.items() if entry.has_header]
-            raise field_error("colours", f"colours goes with format={' or '.join(formats)}")
+        types.with_field_errors(lambda _: self.file_options())("")
         return self
+
+    def file_options(self) -> FileOptions:
+        """How the file is written; raises ParameterError where the format does not take that."""
+        return FileOptions(**{name: getattr(self, name) for name in option_texts(FileOptions)})
 
 
 class _IrradianceQuery(Query):
@@ -174,28 +188,22 @@ class _IrradianceQuery(Query):
         return cover
 
 
-class AdjustQuery(Query):
+@with_options(Adjustments)
+class AdjustQuery(ViewQuery):
     """What a client changes of a light by hand, under the names of the command line and of Python."""
 
-    sun: types.SunOrFlag = Field(
+    sun: types.SunOrFlag = Field(  # type: ignore[assignment]  # also moves it
         None,
         description=f"AZIMUTH,ELEVATION in deg moves the sun; false leaves it out; true paints it; {SUN_BY_DEFAULT}",
     )
-    exposure: Annotated[
-        float, InRange(*EXPOSURE_RANGE, description="EV; 1 is twice as bright as the estimate", examples=[0.5])
-    ] = 0.0
-    haze: Annotated[float | None, parameter_range("turbidity", "turbidity: 2 is clear, 10 is hazy", 3.4)] = None
-    overcast: types.Flag = Field(False, description="cover the sky with clouds: no sun, soft gray light")
 
-    @property
-    def sun_in_map(self) -> bool | None:
-        """Whether the sun is painted; one that was moved is. None: by `Lighting.sun_painted`."""
+    def _sun_in_map(self) -> bool | None:
+        """Whether the sun is painted; one that was moved is."""
         return True if isinstance(self.sun, tuple) else self.sun
 
-    def adjustments(self) -> Adjustments:
-        """The changes for the library."""
+    def _adjustments(self) -> Adjustments:
         sun = self.sun if isinstance(self.sun, tuple) else None
-        return Adjustments(sun, self.exposure, self.haze, self.overcast)
+        return Adjustments(sun, **{name: getattr(self, name) for name in option_texts(Adjustments)})
 
 
 class _EditQuery(_IrradianceQuery):
@@ -239,43 +247,47 @@ class _EditQuery(_IrradianceQuery):
         return {fields_of.get(name, name): value for name, value in values.items()}
 
 
-class _SurroundingsQuery(Query):
-    """Whether a photo's map shows its surroundings."""
+@with_options(MapOptions, "around", "sky")
+class PlaceQuery(ViewQuery):
+    """What the light of a photo shows around it. Until 0.3.0 the switches `surroundings` and `detail` say it, too."""
 
-    surroundings: types.FlagOrAuto = Field(
-        None, description="show the surroundings, not only sky and ground; by default if the network predicts them"
-    )
-    detail: types.Flag = Field(True, description="add fine detail to a map with surroundings, all around the photo")
+    @model_validator(mode="before")
+    @classmethod
+    def _rename_switches(cls, values: Any) -> Any:
+        if not isinstance(values, Mapping):
+            return values
+        renamed = dict(values)
+        old = {name: renamed.pop(name) for name in ("surroundings", "detail") if name in renamed}
+        if old and "around" in renamed:
+            raise field_error(next(iter(old)), "is an old form of around; give one of them", ErrorCode.DUPLICATE)
+        for name, value in old.items():
+            if value not in ("true", "false", True, False):
+                raise field_error(name, "must be true or false", ErrorCode.WRONG_TYPE)
+        switches = {name: value in ("true", True) for name, value in old.items()}
+        around = around_of_switches(switches.get("surroundings"), switches.get("detail"), cls._without_detail(values))
+        return renamed | ({"around": around} if around else {})
+
+    @classmethod
+    def _without_detail(cls, _values: Mapping[str, Any]) -> str:
+        """What `detail=false` stands for."""
+        return Around.PHOTO.value
 
 
-class ProbeQuery(Query):
+@with_options(MapOptions, "yaw", "sky")
+class ProbeQuery(ViewQuery):
     """A light probe for an engine."""
 
     format: Annotated[str, RegistryName(LIGHT_PROBE_FORMATS)] = Field(
         "record", description="the engine that takes it; `record` is the record's `light_probe`"
     )
-    sun: types.FlagOrAuto = Field(None, description=f"include the sun as the main light; {SUN_BY_DEFAULT}")
-    yaw: Annotated[float, InRange(-360, 360, description="deg, turns the light to the right")] = 0.0
-    sky: Annotated[types.SkyName | None, NotNull()] = Field(
-        None, description="another shape of the sky than the record's"
-    )
-
-    @property
-    def sun_in_map(self) -> bool | None:
-        """Whether the sun shines; None: by `Lighting.sun_painted`."""
-        return self.sun
 
 
-class PhotoProbeQuery(AdjustQuery, ProbeQuery, UserInputQuery, _EditQuery):
-    """The light probe of a photo."""
-
-    surroundings: types.FlagOrAuto = Field(
-        None, description="include the place, not only the sky; by default if the network predicts it"
-    )
-
-
-class PreviewQuery(UserInputQuery, _SurroundingsQuery, AdjustQuery):
+class PreviewQuery(UserInputQuery, AdjustQuery, PlaceQuery):
     """The preview of a photo."""
+
+
+class PhotoEditQuery(AdjustQuery, PlaceQuery, UserInputQuery, _EditQuery):
+    """What is made of a photo's light, which may be edited before."""
 
 
 class GroundQuery(UserInputQuery):
@@ -291,7 +303,11 @@ class LitSpotQuery(GroundQuery):
     y: Annotated[float, InRange(0, 1, description="share of the photo's height, from the top", examples=[0.8])]
 
 
-class EnvmapQuery(AdjustQuery, MapQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
+class PhotoProbeQuery(PhotoEditQuery, ProbeQuery):
+    """The light probe of a photo."""
+
+
+class EnvmapQuery(PhotoEditQuery, MapQuery):
     """The map of a photo."""
 
 
@@ -341,16 +357,9 @@ else:
     _ToolOptionsQuery = _create_tool_options_query()
 
 
-class SceneQuery(_ToolOptionsQuery):
+@with_options(MapOptions, "height", "sky")
+class SceneQuery(ViewQuery, _ToolOptionsQuery):
     """The tool that a scene is for, and its options."""
-
-    sun: types.FlagOrAuto = Field(None, description=f"include direct sunlight; {SUN_BY_DEFAULT}")
-    height: types.Height = 512
-
-    @property
-    def sun_in_map(self) -> bool | None:
-        """Whether direct sunlight is in it; None: by `Lighting.sun_painted`."""
-        return self.sun
 
     @model_validator(mode="after")
     def _check_tool_options(self) -> Self:
@@ -364,7 +373,7 @@ class SceneQuery(_ToolOptionsQuery):
         return self.model_dump(include=set(EXPORTERS[self.tool].options))
 
 
-class PhotoSceneQuery(AdjustQuery, SceneQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
+class PhotoSceneQuery(PhotoEditQuery, SceneQuery):
     """The scene of a photo."""
 
 
@@ -423,6 +432,6 @@ def refuse_photo_parameters(query: EnvmapQuery | PhotoProbeQuery) -> None:
     Args:
         query: the parameters of a request with a lighting record instead of a photo.
     """
-    for name in (*UserInputQuery.model_fields, *_EditQuery.model_fields, "surroundings", "detail"):
+    for name in (*UserInputQuery.model_fields, *_EditQuery.model_fields, "around"):
         if name in query.explicit_fields():
             raise invalid_field_error(name, "It goes with a photo; a lighting record is rendered as it is.")

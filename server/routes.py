@@ -19,7 +19,6 @@ from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from lighting import __version__
-from lighting.envmap.relighting import adjust_lighting
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
 from lighting.model import METRICS
@@ -39,7 +38,6 @@ from server.dependencies import (
     UploadsDep,
     tag_bytes,
 )
-from server.limits import BusyError
 from server.problems import INFERENCE_PREFIX, ProblemError, invalid_field_error, problem_responses
 from server.query_params import (
     EnvmapQuery,
@@ -145,7 +143,7 @@ async def _estimate_lighting(
     Edit the answer and send it to `POST /v1/envmap` for its map. Several photos go to `POST /v1/lightings`.
     """
     answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
-    return JSONResponse(responses.estimate_to_json(answer, query, request.scope.get("root_path", "")))
+    return JSONResponse(responses.estimate_to_json(request, answer, query))
 
 
 @router.post(
@@ -162,8 +160,8 @@ async def _estimate_lightings(
     """A burst, a panorama sweep or a drive: several files `photo` in one form are taken together."""
     queries.check_photo_headings(len(photos), query)
     answers = await admission.run(tasks.estimate_photos, admission.service, photos, query)
-    root = request.scope.get("root_path", "")
-    return JSONResponse({"lightings": [responses.estimate_to_json(answer, query, root) for answer in answers]})
+    records = [responses.estimate_to_json(request, answer, query) for answer in answers]
+    return JSONResponse({"lightings": records})
 
 
 @_get_file("/envmap", summary="The environment map of a sky", responses={200: _MAP_RESPONSE, **_SKY_ANSWERS})
@@ -173,7 +171,7 @@ async def _render_envmap(request: Request, admission: AdmissionDep, query: Annot
     if unchanged:
         return unchanged
     data = await admission.run(tasks.encode_envmap_of_lighting, query.to_lighting(), query)
-    return _map_response(data, query.format, headers)
+    return _map_response(data, query, headers)
 
 
 @router.post(
@@ -192,11 +190,10 @@ async def _estimate_envmap(
     """
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        lighting = adjust_lighting(source, query.adjustments())
-        data = await admission.run(tasks.encode_envmap_of_lighting, lighting, query)
+        data = await admission.run(tasks.encode_envmap_of_lighting, source, query)
     else:
         data = await admission.run(tasks.encode_envmap_of_photo, admission.service, source, query)
-    return _map_response(data, query.format)
+    return _map_response(data, query)
 
 
 @_get_file("/light-probe", summary="The light probe of a sky", responses={200: _PROBE_RESPONSE, **_SKY_ANSWERS})
@@ -224,8 +221,7 @@ async def _estimate_probe(
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        lighting = adjust_lighting(source, query.adjustments())
-        data = await admission.run(tasks.encode_probe_of_lighting, lighting, query)
+        data = await admission.run(tasks.encode_probe_of_lighting, source, query)
     else:
         data = await admission.run(tasks.encode_probe_of_photo, admission.service, source, query)
     return Response(data, media_type=JSON_TYPE)
@@ -331,18 +327,15 @@ async def _livez() -> Status:
 
 @operations_router.get(
     "/readyz",
-    summary="Whether the network has answered once and a photo would be taken now",
+    summary="Whether the network has answered once, a photo would be taken now and jobs are worked on",
     responses=problem_responses(503),
 )
 async def _readyz(service: ServiceDep) -> Status:
-    """For a load balancer: 503 while the network loads, and while the queue is full of many clients' requests."""
-    if not service.ready:
-        retry = {"Retry-After": problems.RETRY_SECONDS}
-        raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
-    if service.ending:
-        raise BusyError("The service shuts down.")
-    if service.full:
-        raise BusyError
+    """For a load balancer: 503 while the network loads, while the queue is full of many clients' requests, or jobs wait
+    in vain, as when their disk is full.
+    """
+    if fault := service.find_fault():
+        raise fault
     return Status()
 
 
@@ -366,7 +359,7 @@ async def _answer_live() -> Response:
 @inference_health_router.get("/health/ready")
 async def _answer_ready(service: ServiceDep) -> Response:
     """200 where a photo would be taken, else 503, as /readyz."""
-    return Response(status_code=200 if service.ready and not service.ending and not service.full else 503)
+    return Response(status_code=200 if service.find_fault() is None else 503)
 
 
 @inference_health_router.get("")
@@ -402,7 +395,7 @@ async def _infer(request: Request, admission: AdmissionDep, name: str, version: 
     header, photo = _parse_request(await admission.body.inference(), request.headers.get(_LENGTH_HEADER, ""))
     query = LightingQuery()
     answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
-    record = responses.estimate_to_json(answer, query, request.scope.get("root_path", ""))
+    record = responses.estimate_to_json(request, answer, query)
     output = {"name": _OUTPUT, "datatype": "BYTES", "shape": [1], "data": [json.dumps(record)]}
     named = {"id": header["id"]} if isinstance(header.get("id"), str) else {}
     return JSONResponse({"model_name": spec.name, "model_version": spec.version, **named, "outputs": [output]})
@@ -436,9 +429,9 @@ def _parse_request(body: bytes, length: str) -> tuple[Json, bytes]:
     return header, data[_LENGTH_BYTES:]
 
 
-def _map_response(data: bytes, format: str, headers: dict[str, str] | None = None) -> Response:
+def _map_response(data: bytes, query: queries.MapQuery, headers: dict[str, str] | None = None) -> Response:
     """An environment map as a file."""
-    return Response(data, media_type=MAP_FORMATS[format].media_type, headers=headers)
+    return Response(data, media_type=MAP_FORMATS[query.file_options().format].media_type, headers=headers)
 
 
 def _scene_response(data: bytes, warnings: Sequence[str], headers: dict[str, str] | None = None) -> Response:

@@ -2,14 +2,14 @@
 
 A client is charged what its requests took lately, and what those are expected to take that wait and run. The next free
 thread goes to the client with the least (fair queueing). While short requests wait, long ones begin at intervals, in
-which they use no more of the threads than their clients are of all clients. When the queue is full, a client with
-fewer requests in it takes the place of the newest one of the client that demands most. A client's only request waits
-beyond the queue, as long as the bodies that wait fit into it and their work is done soon. After that, one that takes
-much less takes another's place.
+which they use no more of the threads than their clients are of all clients. Of several threads they leave one to short
+requests. When the queue is full, a client with fewer requests in it takes the place of the newest one of the client
+that demands most. A client's only request waits beyond the queue, as long as the bodies that wait fit into it and their
+work is done soon. After that, one that takes much less takes another's place.
 """
 
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -134,6 +134,7 @@ class WorkLimiter:
             none does.
         charge: is told the processor time [s] of each request's client after its work; None tells nobody.
         clock: seconds.
+        short: routes that are short before one has been measured.
     """
 
     def __init__(
@@ -143,6 +144,7 @@ class WorkLimiter:
         charge: Callable[[Client, float], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
         max_bytes: int = 0,
+        short: Iterable[str] = (),
     ) -> None:
         self.workers = workers
         self.capacity = workers + queue
@@ -154,7 +156,7 @@ class WorkLimiter:
         self._jobs: set[_Job] = set()  # that run or wait
         self._waiting: list[_Job] = []
         self._running: list[_Job] = []
-        self._expected: dict[str, float] = {}  # processor time [s] by route
+        self._expected = dict.fromkeys(short, LONG_SECONDS)  # processor time [s] by route
         self._long_from = clock()  # the time from which a long request may begin while short ones wait
         self._last: dict[Client, float] = {}  # when a client's work last began or ended, if that is recent
         self._threads = CapacityLimiter(workers)
@@ -346,12 +348,10 @@ class WorkLimiter:
         return min(jobs or short, key=lambda job: self.usage.load(job.client, now=now), default=None)
 
     def _long_jobs(self) -> list[_Job]:
-        """The long requests that may begin; they leave a thread to other clients."""
-        jobs = [job for job in self._waiting if self._is_long(job)]
-        if jobs and self.workers > 1 and sum(map(self._is_long, self._running)) >= self.workers - 1:
-            self._forget_absent()
-            return [job for job in jobs if not self._has_others(job)]
-        return jobs
+        """The long requests that may begin; they leave a thread to short ones, which may come."""
+        if self.workers > 1 and sum(map(self._is_long, self._running)) >= self.workers - 1:
+            return []
+        return [job for job in self._waiting if self._is_long(job)]
 
     def _is_long(self, job: _Job) -> bool:
         return self._expect(job.route) > LONG_SECONDS
@@ -368,10 +368,6 @@ class WorkLimiter:
         self._forget_absent()
         clients = self._last.keys() | long | {other.client for other in self._waiting}
         self._long_from = max(self._long_from, began + seconds * len(clients) / (len(long) * self.workers))
-
-    def _has_others(self, job: _Job) -> bool:
-        """Whether other clients work or worked a moment ago."""
-        return bool(self._last.keys() - {job.client})
 
     def _forget_absent(self) -> None:
         since = self._clock() - _RECENT_SECONDS

@@ -12,7 +12,7 @@ from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, WarningCode
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
 from server import field_types as types
-from server.field_types import InRange, parameter_range
+from server.field_types import InRange, RegistryName, parameter_range
 
 
 def _rgb_field(meaning: str, example: list[float]) -> Any:
@@ -21,10 +21,11 @@ def _rgb_field(meaning: str, example: list[float]) -> Any:
 
 
 # Of a list of any length only the first wrong item is named: half a million would take a second.
+_SkyName = Annotated[str, RegistryName(SKY_MODELS)]
 _Numbers = Annotated[list[float], FailFast()]
 _Texts = Annotated[list[str], FailFast()]
 
-_LINK = "/v1/envmap?sun_azimuth=-41.2&sun_elevation=33.0&turbidity=3.4&exposure=5.0&ground_albedo=0.3&sun=true"
+_LINK = "envmap?sun_azimuth=-41.2&sun_elevation=33.0&turbidity=3.4&exposure=5.0&ground_albedo=0.3&sun=true"
 
 
 class _Part(BaseModel):
@@ -64,10 +65,8 @@ class LightingRecord(_Part):
             b: _Numbers = []
             radiance: _Numbers = []
 
-        model: types.SkyName = SKY_MODEL
-        painted: types.SkyName | None = Field(
-            None, description="what paints the sky of maps, where it is another model"
-        )
+        model: _SkyName = SKY_MODEL
+        painted: _SkyName | None = Field(None, description="what paints the sky of maps, where it is another model")
         turbidity: types.Turbidity
         irradiance: list[types.Irradiance] | None = _rgb_field(types.SKY_IRRADIANCE, [0.5, 0.6, 0.9])
         cover: types.SkyCover | None = None
@@ -186,7 +185,9 @@ class LightingEstimate(LightingRecord):
         main_light: MainLightPart
 
     class Links(BaseModel):
-        envmap: str = Field(description="link to the environment map of this light", examples=[_LINK])
+        envmap: str = Field(
+            description="link to the environment map of this light, relative to this request's URL", examples=[_LINK]
+        )
 
     class CropRecord(BaseModel):
         """The photo inside a border, in pixels of the upright picture: camera, spot and maps are of this part alone."""
@@ -332,7 +333,9 @@ class JobRecord(BaseModel):
     """A job and where it is on its way."""
 
     class JobLinks(BaseModel):
-        self: str = Field(description="of this record", examples=["/v1/jobs/0PzMZlz5QyxYyh4sHUhXrQ"])
+        self: str = Field(
+            description="of this record, relative to this request's URL", examples=["jobs/0PzMZlz5QyxYyh4sHUhXrQ"]
+        )
         result: str | None = Field(None, description="of the ZIP; present once the job has finished")
 
     id: str = Field(description="secret: who knows it may read the result", examples=["0PzMZlz5QyxYyh4sHUhXrQ"])

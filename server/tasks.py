@@ -2,27 +2,25 @@
 
 from collections.abc import Sequence
 from time import monotonic
-from typing import Any
 
 import numpy as np
 from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
-from lighting.envmap import surroundings
-from lighting.envmap.relighting import adjust_lighting, edit_lighting
+from lighting.envmap.relighting import light_of_map
 from lighting.envmap.shadow_mask import ground_shadow_mask
-from lighting.envmap.surroundings import PhotoContext, photo_context, render_view, surroundings_gain
+from lighting.envmap.surroundings import surroundings_gain
 from lighting.errors import PhotoError
-from lighting.files import MAP_FORMATS, encode_envmap, encode_jpeg, encode_png
+from lighting.files import encode_jpeg, encode_png
 from lighting.ground import draw_ground_mask, find_lit_spot
 from lighting.light_probe import compute_light_probe, encode_light_probe
 from lighting.photo.reader import TARGET, Photo
 from lighting.photo_estimate import Estimate
-from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels, encode_preview_png
+from lighting.preview.picture import encode_preview_png
 from lighting.records import Lighting
-from lighting.scene.records import PLATE_SIDE, make_scene
+from lighting.rendered_map import render_map
+from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import zip_scene
-from lighting.segmentation import Segments
 from lighting.tracing import trace_step
 from server import query_params as queries
 from server.dependencies import PhotoAnswer, PhotoMatcher, Service
@@ -47,7 +45,7 @@ def answer_photo(service: Service, data: bytes, query: queries.LightingQuery) ->
         data: the bytes of a photo.
         query: with `surroundings`, the answer has its gain if the network predicts surroundings.
     """
-    return _answer_photo(*_estimate_photo(service, data, query), query)
+    return _answer_photo(_estimate_photo(service, data, query), query)
 
 
 def estimate_photos(service: Service, files: Sequence[Upload], query: queries.LightingsQuery) -> list[PhotoAnswer]:
@@ -64,18 +62,17 @@ def estimate_photos(service: Service, files: Sequence[Upload], query: queries.Li
     matcher = PhotoMatcher(service.settings.match_seconds) if query.needs_matching(len(files)) else None
     photos = _read_photos(service, files, matcher.target if matcher else TARGET)
     estimates = _estimate_each(service, photos, query, matcher)
-    return [_answer_photo(photo, estimate, query) for photo, estimate in zip(photos, estimates, strict=True)]
+    return [_answer_photo(estimate, query) for estimate in estimates]
 
 
-def _answer_photo(photo: Photo, estimate: Estimate, query: queries.LightingQuery) -> PhotoAnswer:
+def _answer_photo(estimate: Estimate, query: queries.LightingQuery) -> PhotoAnswer:
     """An estimate with what else the client asks for."""
     check_cancelled()
-    metadata = photo.metadata if query.photo_metadata else None
+    metadata = estimate.photo.metadata if query.photo_metadata else None
     with trace_step("map"):
-        context = photo_context(estimate, photo.pixels)
-        probe = compute_light_probe(estimate.lighting, context)
-        gain = surroundings_gain(estimate.lighting, context) if context and query.surroundings else None
-    return PhotoAnswer(estimate, probe, gain, photo.crop, metadata)
+        context = estimate.context() if query.surroundings else None
+        gain = surroundings_gain(estimate.lighting, context) if context else None
+    return PhotoAnswer(estimate, estimate.probe(), gain, estimate.photo.crop, metadata)
 
 
 def _estimate_each(
@@ -110,22 +107,16 @@ def _photo_label(number: int, files: Sequence[Upload]) -> str:
     return f"{label}, {name}" if (name := files[number - 1].name[:_MAX_NAME_LENGTH]) else label
 
 
-def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: PhotoContext | None = None) -> bytes:
-    """Render an environment map and encode it as a file.
+def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery) -> bytes:
+    """Render an environment map of sky and ground, and encode it as a file.
 
     Args:
         lighting: the light.
-        query: height, yaw, format and compression.
-        context: the photo's surroundings, which the map then shows; None renders the sky alone.
+        query: how the map is rendered and written.
     """
-    view: Any = {"sun": query.sun_in_map, "yaw": query.yaw, "sky": query.sky, "context": context}
-    with trace_step("map"):
-        image, rotated = render_view(lighting, query.height, **view)
-        check_cancelled()
-        probe = compute_light_probe(lighting, **view) if MAP_FORMATS[query.format].has_header else None
-    file: Any = {"compression": query.compression, "colours": query.colours, "probe": probe, "overwrite": True}
-    with trace_step("encode"):
-        return encode_envmap(image, rotated, query.format, **file)
+    rendered = render_map(lighting, query.view())
+    check_cancelled()
+    return rendered.encode(query.file_options(), consume=True)
 
 
 def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQuery) -> bytes:
@@ -136,31 +127,23 @@ def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQ
         data: the bytes of a photo.
         query: what the client states, replaces and requests.
     """
-    photo, estimate = _estimate_photo(service, data, query)
-
-    def reread(side: int) -> Pixels:
-        return service.reread_photo(data, side).pixels
-
-    context = surroundings.photo_context_for_height(
-        estimate,
-        photo.pixels,
-        query.height,
-        reread,
-        surroundings=query.surroundings,
-        exposure=query.photo_exposure,
-        detail=query.detail,
-    )
-    lighting = adjust_lighting(edit_lighting(estimate.lighting, query.changes()), query.adjustments())
-    return encode_envmap_of_lighting(lighting, query, context)
+    rendered = _edited_estimate(service, data, query).render(query.view())
+    check_cancelled()
+    return rendered.encode(query.file_options(), consume=True)
 
 
-def _estimate_photo(service: Service, data: bytes, query: queries.UserInputQuery) -> tuple[Photo, Estimate]:
+def _estimate_photo(service: Service, data: bytes, query: queries.UserInputQuery) -> Estimate:
     """Read a photo and estimate its light."""
     photo = service.read_photo(data)
     check_cancelled()
     (estimate,) = service.estimate([photo], query.user_input())
     check_cancelled()
-    return photo, estimate
+    return estimate
+
+
+def _edited_estimate(service: Service, data: bytes, query: queries.PhotoEditQuery) -> Estimate:
+    """Estimate the light of a photo, with the fields that the client replaces."""
+    return _estimate_photo(service, data, query).edit(query.changes(), query.photo_exposure)
 
 
 def encode_upright_jpeg(service: Service, data: bytes) -> bytes:
@@ -170,23 +153,21 @@ def encode_upright_jpeg(service: Service, data: bytes) -> bytes:
         service: reads the photo.
         data: the bytes of a photo.
     """
-    pixels = service.reread_photo(data, _UPRIGHT_SIDE).pixels
+    pixels = service.read_photo(data, target=_UPRIGHT_SIDE).pixels
     with trace_step("encode"):
         return encode_jpeg(pixels, _UPRIGHT_QUALITY)
 
 
-def encode_probe_of_lighting(
-    lighting: Lighting, query: queries.ProbeQuery, context: PhotoContext | None = None
-) -> bytes:
-    """Compute a light probe and encode it as JSON.
+def encode_probe_of_lighting(lighting: Lighting, query: queries.ProbeQuery) -> bytes:
+    """Compute the light probe of sky and ground, and encode it as JSON.
 
     Args:
         lighting: the light.
         query: the engine, yaw and sky.
-        context: the photo's surroundings, which the probe then holds; None: the sky alone.
     """
+    view = query.view()
     with trace_step("map"):
-        probe = compute_light_probe(lighting, context, sun=query.sun_in_map, yaw=query.yaw, sky=query.sky)
+        probe = compute_light_probe(light_of_map(lighting, view), sun=view.sun, yaw=view.yaw)
     with trace_step("encode"):
         return encode_light_probe(probe, query.format).encode()
 
@@ -199,12 +180,9 @@ def encode_probe_of_photo(service: Service, data: bytes, query: queries.PhotoPro
         data: the bytes of a photo.
         query: the engine, and what the client states and replaces.
     """
-    photo, estimate = _estimate_photo(service, data, query)
-    context = photo_context(
-        estimate, photo.pixels, surroundings=query.surroundings, exposure=query.photo_exposure, detail=False
-    )
-    lighting = adjust_lighting(edit_lighting(estimate.lighting, query.changes()), query.adjustments())
-    return encode_probe_of_lighting(lighting, query, context)
+    probe = _edited_estimate(service, data, query).probe(query.view())
+    with trace_step("encode"):
+        return encode_light_probe(probe, query.format).encode()
 
 
 def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -> bytes:
@@ -213,22 +191,11 @@ def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -
     Args:
         service: reads the photo and estimates.
         data: the bytes of a photo.
-        query: what the client states, and whether the map shows the surroundings.
+        query: what the client states, and what the map shows.
     """
-    _, estimate = _estimate_photo(service, data, query)
-    pixels = service.reread_photo(data, PHOTO_SIDE).pixels
-    lighting = adjust_lighting(estimate.lighting, query.adjustments())
-    with trace_step("map"):
-        picture = draw_preview_pixels(
-            pixels,
-            estimate,
-            surroundings=query.surroundings,
-            detail=query.detail,
-            lighting=lighting,
-            sun=query.sun_in_map,
-        )
+    picture = _estimate_photo(service, data, query).preview(query.view())
     with trace_step("encode"):
-        return encode_preview_png(picture)
+        return encode_preview_png(np.asarray(picture))
 
 
 def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> bytes:
@@ -256,26 +223,10 @@ def find_lit_spot_in_photo(service: Service, data: bytes, query: queries.LitSpot
 
 
 def _draw_ground(service: Service, data: bytes, query: queries.GroundQuery) -> Pixels:
-    photo, estimate = _estimate_photo(service, data, query)
+    estimate = _estimate_photo(service, data, query)
     with trace_step("map"):
-        lit = ground_shadow_mask(photo.pixels, estimate.lighting, sun=query.sun, segments=estimate.segments)
+        lit = ground_shadow_mask(estimate.photo.pixels, estimate.lighting, sun=query.sun, segments=estimate.segments)
         return draw_ground_mask(lit, estimate.lighting, estimate.segments)
-
-
-def _zip_scene_of_plate(
-    plate: Photo,
-    lighting: Lighting,
-    query: SceneQuery,
-    context: PhotoContext | None = None,
-    segments: Segments | None = None,
-) -> FileWithWarnings:
-    with trace_step("map"):
-        scene = make_scene(
-            plate, lighting, map_height=query.height, sun=query.sun_in_map, context=context, segments=segments
-        )
-    check_cancelled()
-    with trace_step("encode"):
-        return zip_scene(scene, query.tool, **query.options()), scene.warnings
 
 
 def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQuery) -> FileWithWarnings:
@@ -286,17 +237,7 @@ def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQ
         data: the bytes of a photo.
         query: the tool, its options, and what the client states and replaces.
     """
-    _, estimate = _estimate_photo(service, data, query)
-    lighting = adjust_lighting(edit_lighting(estimate.lighting, query.changes()), query.adjustments())
-    plate = service.reread_photo(data, PLATE_SIDE)
-    context = photo_context(
-        estimate,
-        plate.pixels,
-        surroundings=query.surroundings,
-        exposure=query.photo_exposure,
-        detail=query.detail,
-    )
-    return _zip_scene_of_plate(plate, lighting, query, context, estimate.segments)
+    return _zip_scene(_edited_estimate(service, data, query).make_scene(query.view()), query)
 
 
 def zip_scene_of_sky(query: queries.SkySceneQuery) -> FileWithWarnings:
@@ -305,6 +246,15 @@ def zip_scene_of_sky(query: queries.SkySceneQuery) -> FileWithWarnings:
     Args:
         query: the tool, its options, the sky and the size of the gray image.
     """
-    width, height = query.plate_width, query.plate_height
-    gray = np.full((height, width, 3), MID_GRAY, dtype=np.uint8)
-    return _zip_scene_of_plate(Photo(gray, width, height, "PNG"), query.to_lighting(), query)
+    width, height, view = query.plate_width, query.plate_height, query.view()
+    plate = Photo(np.full((height, width, 3), MID_GRAY, dtype=np.uint8), width, height, "PNG")
+    with trace_step("map"):
+        light = light_of_map(query.to_lighting(), view)
+        scene = make_scene(plate, light, map_height=view.height, sun=view.sun)
+    return _zip_scene(scene, query)
+
+
+def _zip_scene(scene: Scene, query: SceneQuery) -> FileWithWarnings:
+    check_cancelled()
+    with trace_step("encode"):
+        return zip_scene(scene, query.tool, **query.options()), scene.warnings

@@ -19,6 +19,7 @@ from PIL import ExifTags, Image
 from benchmarks.common import register_heif_writer
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
+from tests.helpers import requirements
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would children
 
@@ -30,9 +31,9 @@ register_heif_writer()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """One thread for the arrays of each of several workers, which would otherwise wait for each other."""
-    if config.getoption("numprocesses", None):
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
+    """Also one thread for arrays: those of several workers would wait for each other, and small ones gain nothing."""
+    config.pluginmanager.register(requirements)
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     gc.disable()
 
 

@@ -43,6 +43,7 @@ RUN_HERE = {"command line", "python"}  # marks of blocks that this file runs, as
 RUN_ELSEWHERE = {  # marks of blocks, and what runs them
     "try": ".ci/run",
     "test": ".ci/run",
+    "uv": ".ci/run",
     "blender": "tests/test_tutorials.py, by bpy or in the chroot",
     "image": "scripts/check_compose.py, by buildah and caddy",
     "train": "tests/export/test_recipes.py",

@@ -1,14 +1,11 @@
 """The one check and what calls it: the workflows and the hooks run what `.ci/run` runs."""
 
 import re
-import shutil
 import subprocess
-import sys
 from pathlib import Path
 
-import pytest
-
 from tests.helpers.pages import ROOT, text
+from tests.helpers.requirements import require
 
 CHECK = text(ROOT / ".ci" / "run")
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -52,8 +49,5 @@ def test_the_check_leaves_the_checkout_alone() -> None:
 
 
 def test_actionlint_finds_nothing() -> None:
-    program = shutil.which("actionlint", path=str(Path(sys.executable).parent)) or shutil.which("actionlint")
-    if not program:
-        pytest.skip("actionlint is not installed")
-    done = subprocess.run([program, *map(str, WORKFLOWS)], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([require("actionlint"), *map(str, WORKFLOWS)], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (0, "")

@@ -35,11 +35,16 @@ def test_every_command_and_option_has_help(command: click.Command) -> None:
 
 def test_readme_marks_what_the_check_runs() -> None:
     """`.ci/run` takes the blocks from README by these marks."""
-    marks = re.findall(r"readme (\w+)$", text(ROOT / ".ci" / "run"), re.MULTILINE)
-    assert set(marks) == {"try", "test"}
-    (setup,), (tests,) = (blocks(README, mark) for mark in ("try", "test"))
+    marks = re.findall(r"\breadme (\w+)\)", text(ROOT / ".ci" / "run"))
+    assert set(marks) == {"try", "test", "uv"}
+    (setup,), (tests,), (with_uv,) = (blocks(README, mark) for mark in ("try", "test", "uv"))
+    for block, lines in ((setup, 1), (tests, 1), (with_uv, 2)):  # one line sets up and does it, with Python or with uv
+        assert block.count("\n") == lines
     assert "lighting envmap examples/" in setup
+    assert "lighting envmap examples/" in with_uv
     assert "pytest" in tests
+    assert tests.partition("-m pytest")[2] == with_uv.partition("pytest")[2]
+    assert len(re.findall(r"`git clone --depth 1 ADDRESS \w+ && cd \w+`", text(README))) == 1
 
 
 @cache

@@ -24,11 +24,11 @@ from scripts.book import ROOT, CodeBlock, read_code_blocks
 from server.app import create_app
 from server.settings import Settings
 from tests.helpers.engines import PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
+from tests.helpers.requirements import require
 
 LEARN = ROOT / "docs" / "learn"
 PHOTO = ROOT / "examples" / "wide_street.jpg"
 SERVICE = "http://127.0.0.1:8000"
-MODULES = ROOT / "server" / "web" / "node_modules"
 PATIENCE = 300.0  # seconds
 
 
@@ -75,11 +75,8 @@ def service(origin: str) -> Iterator[str]:
 @pytest.mark.slow
 def test_the_web_page_shows_an_object_in_a_visitors_photo(tmp_path: Path) -> None:
     """It is red and stands on the spot; the ground beside it is darker than in the photo, and the rest is the photo."""
-    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    node = shutil.which("node")
-    if browser is None or node is None or not (MODULES / "three").is_dir():
-        pytest.skip("Chromium, node or three.js is not installed: npm ci in server/web")
-    (tmp_path / "node_modules").symlink_to(MODULES)
+    browser, node, modules = map(require, ("chromium", "node", "server/web"))
+    (tmp_path / "node_modules").symlink_to(modules)
     picture = tmp_path / "picture.png"
     with site(tmp_path) as origin, service(origin) as address:
         for name, text in read_saved_files(LEARN / "web-page.md").items():
@@ -130,7 +127,7 @@ def follow_blender_page(folder: Path, blender: Callable[[list[str]], object]) ->
         blender: runs Blender in the folder, by the words after its name.
     """
     page = LEARN / "blender.md"
-    shutil.copy(ROOT / "examples" / "brick_street.jpg", folder / "photo.jpg")
+    shutil.copy(ROOT / "examples" / "wide_street.jpg", folder / "photo.jpg")
     for name, text in read_saved_files(page).items():
         (folder / name).write_text(text, encoding="utf-8")
     for line in (line for block in read_code_blocks(page.read_text("utf-8")) for line in _commands(block)):

@@ -148,12 +148,8 @@ def find_llvm(root: Path = Path("/usr/lib")) -> str:
         root: folder of the system's libraries.
 
     Raises:
-        DataError: if Mitsuba is not installed, if there is no LLVM, or if its file name says that it is too old.
+        DataError: if there is no LLVM, or if its file name says that it is too old.
     """
-    try:
-        import mitsuba  # noqa: F401
-    except ImportError as error:
-        raise DataError("Places are rendered by Mitsuba 3: pip install mitsuba.") from error
     named = os.environ.get(VARIABLE)
     newest = Path(named) if named else max(root.glob("*/libLLVM*.so*"), key=_version, default=Path())
     if _version(newest) < MIN_LLVM and not (named and not _version(newest)):
@@ -200,7 +196,10 @@ class RenderedTown:
 
     def __init__(self, matte: Mesh, glossy: Mesh, sky: _Sky) -> None:
         find_llvm()
-        import mitsuba as mi
+        try:
+            import mitsuba as mi
+        except (ImportError, NameError) as error:  # the second is Dr.Jit's, where the system lacks a library
+            raise DataError("Places need Mitsuba 3: pip install mitsuba; on Debian, apt install libatomic1.") from error
 
         mi.set_variant("llvm_ad_rgb")
         meshes = {"matte": _mesh(mi, matte, _MATTE), "glossy": _mesh(mi, glossy, _LACQUER)}

@@ -6,52 +6,42 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lighting.batch.results import SETTINGS, format_counts
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
+from lighting.files import DEFAULT_FILE, FileOptions
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.map_options import DEFAULT_MAP, MapOptions
 from lighting.runtime import ONE_BLAS_THREAD
 from lighting.tracing import trace_step
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from lighting.envmap.relighting import Adjustments
-    from lighting.envmap.surroundings import PhotoContext
     from lighting.estimator import Estimator
-    from lighting.files.exr import WriteTarget
     from lighting.light_probe import LightProbe
-    from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
+    from lighting.rendered_map import RenderedMap
 
 DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits and other work may slow the machine
 
 
 @dataclass(frozen=True)
-class MapOptions:
-    """How environment maps are rendered and written; see `render_view` and `write_exr`."""
+class MapOutput:
+    """How a photo's map is rendered and written."""
 
-    height: int = 512
-    """Height, rows."""
-    sun: bool | None = None
-    """None: where direct sunlight is likely."""
-    yaw: float = 0.0
-    """Deg to the right."""
-    sky: str | None = None
-    """Of SKY_MODELS; None: the lighting's."""
-    compression: str = "zip"
-    """Of EXR files, one of COMPRESSIONS."""
-    surroundings: bool | None = None
-    """Whether they show the photo; None: where the network predicts the rest."""
-    detail: bool = True
-    """Whether they have detail all around the photo, where they show it."""
-    colours: str = "rec709"
-    """Of EXR files, one of COLOR_SPACES."""
-    adjustments: "Adjustments | None" = None
-    """Of the light by hand, in maps alone; None: none."""
+    view: MapOptions = DEFAULT_MAP
+    """Of the map."""
+    file: FileOptions = DEFAULT_FILE
+    """Of its file."""
+
+    def file_name(self, photo: str) -> str:
+        """Return the name of a photo's map: that of the photo with the format's suffix behind it.
+
+        Args:
+            photo: its name, in the batch's folder.
+        """
+        return f"{photo}.{self.file.format}"
 
 
 @dataclass(frozen=True)
@@ -64,7 +54,7 @@ class BatchJob:
     """The folder of the results."""
     model: str | None = None
     """A network's file; the one in this package by default."""
-    maps: MapOptions | None = None
+    maps: MapOutput | None = None
     """None are written by default."""
     engine: str = "pool"
     """Engine, or "ray"."""
@@ -74,14 +64,14 @@ class BatchJob:
 
 @dataclass(frozen=True, eq=False)
 class PhotoLight:
-    """The light of a photo, its probe, the surroundings that its map shows, if any, and its crop in a border."""
+    """The light of a photo, its probe, its map, if one is made, and its crop in a border."""
 
     lighting: "Lighting"
     """The light."""
     probe: "LightProbe"
     """The light probe."""
-    context: "PhotoContext | None"
-    """What the map shows of the place. None: the sky alone."""
+    rendered: "RenderedMap | None"
+    """The map. None: none is made."""
     crop: dict[str, int] | None = None
     """The fields of PhotoCrop."""
 
@@ -137,15 +127,9 @@ def job_settings(job: BatchJob) -> dict[str, object]:
         "source": job.source if "://" in job.source else os.path.realpath(job.source),
         "network": network.name,
         "sha256": network_sha256(network),
-        "maps": _plain_settings(job.maps) if job.maps else None,
+        "maps": json.loads(json.dumps(asdict(job.maps))) if job.maps else None,
         "metadata": job.user_input.explicit_fields() or None,
     }
-
-
-def _plain_settings(maps: MapOptions) -> Any:
-    """Options of maps as JSON reads them again; without adjustments where there are none, as in older batches."""
-    settings = json.loads(json.dumps(asdict(maps)))
-    return {name: value for name, value in settings.items() if name != "adjustments" or value is not None}
 
 
 def check_settings(existing: bytes | None, settings: dict[str, object], has_results: bool, out: str) -> None:
@@ -182,32 +166,6 @@ def load_worker_estimator(job: BatchJob) -> "Estimator":
     return Estimator(Model.load(job.model, threads=1))
 
 
-def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions) -> None:
-    """Render and write an environment map.
-
-    Args:
-        target: a path or a binary stream.
-        answer: the photo's light.
-        maps: how it is rendered and written.
-
-    Raises:
-        EnvironmentMapError: it cannot be written.
-    """
-    from lighting.envmap.relighting import adjust_lighting
-    from lighting.envmap.surroundings import render_view
-    from lighting.files.exr import write_exr
-    from lighting.light_probe import compute_light_probe
-
-    light = adjust_lighting(answer.lighting, maps.adjustments) if maps.adjustments else answer.lighting
-    view: Any = {"sun": maps.sun, "yaw": maps.yaw, "sky": maps.sky, "context": answer.context}
-    with trace_step("map"), ONE_BLAS_THREAD:
-        image, lighting = render_view(light, maps.height, **view)
-        probe = compute_light_probe(light, **view)
-    file: Any = {"compression": maps.compression, "colours": maps.colours, "overwrite": True}
-    with trace_step("encode"):
-        write_exr(target, image, lighting, probe=probe, **file)
-
-
 def estimate_or_error(
     estimator: "Estimator", source: Path | bytes, job: BatchJob, sidecar: Mapping[str, str] | None = None
 ) -> PhotoLight | str:
@@ -224,27 +182,11 @@ def estimate_or_error(
     from lighting.photo.sandbox import read_photo_isolated
 
     try:
-        with trace_step("decode"):
-            photo = read_photo_isolated(source, seconds=DECODE_SECONDS, sidecar=sidecar)
+        photo = read_photo_isolated(source, seconds=DECODE_SECONDS, sidecar=sidecar)
         with trace_step("network"), ONE_BLAS_THREAD:
-            estimate = estimator(photo, job.user_input)
-        with trace_step("map"):
-            context = _map_context(source, photo, estimate, job.maps) if job.maps else None
-            probe = estimate.light_probe()
+            estimate: Estimate = estimator(photo, job.user_input)
+        rendered = estimate.render(job.maps.view) if job.maps else None
         crop = asdict(photo.crop) if photo.crop else None
-        return PhotoLight(estimate.lighting, probe, context, crop)
+        return PhotoLight(estimate.lighting, estimate.probe(), rendered, crop)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return describe_error(error)
-
-
-def _map_context(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: MapOptions) -> "PhotoContext | None":
-    from lighting.envmap.surroundings import photo_context_for_height
-    from lighting.photo.sandbox import read_photo_isolated
-
-    def finer(side: int) -> "NDArray[np.uint8]":
-        with trace_step("decode"):
-            return read_photo_isolated(source, target=side, seconds=DECODE_SECONDS).pixels
-
-    return photo_context_for_height(
-        estimate, photo.pixels, maps.height, finer, surroundings=maps.surroundings, detail=maps.detail
-    )

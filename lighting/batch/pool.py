@@ -111,7 +111,7 @@ def _remove_temporaries(job: jobs.BatchJob, names: Sequence[str]) -> None:
     """Remove what killed runs left unfinished under temporary names: the batch that holds the journal is alone here."""
     files = {Path(job.out, name) for name in (SETTINGS, JOURNAL, TABLE)}
     folders = {name.rpartition("/")[0] for name in names} if job.maps else set()
-    maps = {Path(job.out, folder, "map.exr") for folder in folders}
+    maps = {Path(job.out, folder, job.maps.file_name("map")) for folder in folders} if job.maps else set()
     targets = (file for file in files | maps if not file.is_symlink())  # a link may lead to where others write
     for path in (temporary for file in targets for temporary in stale_temporaries(file)):
         path.unlink(missing_ok=True)
@@ -125,7 +125,7 @@ def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool, list[Step]]
         answer = jobs.estimate_or_error(estimator, Path(job.source, name), job)
         if isinstance(answer, str):
             return json_line(name, answer), True
-        if job.maps and (sentence := _write_map(Path(job.out, f"{name}.exr"), answer, job.maps)):
+        if job.maps and (sentence := _write_map(Path(job.out, job.maps.file_name(name)), answer, job.maps)):
             return json_line(name, sentence), True
         return json_line(name, answer.lighting, answer.probe, crop=answer.crop), False
 
@@ -137,11 +137,12 @@ def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool, list[Step]]
     return timed
 
 
-def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOptions) -> str | None:
+def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOutput) -> str | None:
     """Write a map, or say why the system takes none of that name; raises EnvironmentMapError for other failures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        jobs.write_photo_map(path, answer, maps)
+        assert answer.rendered is not None
+        answer.rendered.write(path, maps.file, consume=True)
     except EnvironmentMapError as error:
         if isinstance(error.__cause__, OSError) and error.__cause__.errno in MAP_NAME_ERRORS:
             return MAP_NAME_ERRORS[error.__cause__.errno]

@@ -231,9 +231,10 @@ def _failed_by_name(filesystem: Any, parts: str) -> dict[str, bool]:
 
 def _write_map(job: jobs.BatchJob, name: str, answer: jobs.PhotoLight) -> None:
     assert job.maps
+    assert answer.rendered
     filesystem, out = _filesystem_at(job.out)
-    target = f"{out}/{name}.exr"
+    target = f"{out}/{job.maps.file_name(name)}"
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
     with filesystem.open_output_stream(f"{target}.part") as stream:
-        jobs.write_photo_map(stream, answer, job.maps)
+        stream.write(answer.rendered.encode(job.maps.file, consume=True))
     filesystem.move(f"{target}.part", target)

@@ -19,7 +19,7 @@ from types import NoneType, UnionType
 from typing import Any, BinaryIO, get_args, get_origin
 
 from lighting.errors import BatchError, ParameterError, require_extra
-from lighting.files import atomic_write
+from lighting.files import MAP_FORMATS, atomic_write
 from lighting.photo.linear import RAW_SUFFIXES
 from lighting.records import Json, Lighting
 
@@ -396,7 +396,8 @@ def _is_own_output(name: str) -> bool:
     """Whether a file is named as a batch names its results and a photo's map."""
     if PurePath(name).name in (SETTINGS, JOURNAL, TABLE):
         return True
-    return name.endswith(".exr") and name.removesuffix(".exr").lower().endswith(PHOTO_SUFFIXES)
+    photo, _, suffix = name.rpartition(".")
+    return suffix in MAP_FORMATS and MAP_FORMATS[suffix].read is not None and photo.lower().endswith(PHOTO_SUFFIXES)
 
 
 def _is_in_cache(folders: Sequence[str], pattern: str) -> bool:

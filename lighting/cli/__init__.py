@@ -7,12 +7,9 @@ errors and counts to stderr. Exit status 0: all went well; 1: something failed, 
 Commands and groups show examples in their help, know old names of options, and suggest what was probably meant.
 """
 
-import os
-import shlex
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from inspect import cleandoc
-from pathlib import Path
 from typing import Any, ClassVar
 
 import click
@@ -45,11 +42,9 @@ _SECTIONS = {  # of a long help, in this order, as are the options in each; othe
     "Light": ("--sun", "--exposure", "--haze", "--overcast", "--no-sun"),
     "Place": ("--time", "--utc-offset", "--latitude", "--longitude", "--heading", "--keep-location"),
     "Photo": ("--vertical-fov", "--camera-height", "--no-metadata", "--model"),
-    "Map": ("--surroundings", "--detail", "--sky", "--yaw", "--compression", "--colours"),
+    "Map": ("--around", "--sky", "--yaw", "--disc", "--compression", "--colors"),
 }
 _LONG = 24  # options, from which on a help has sections
-_NEAR = 0.6  # share of the letters that a suggestion has in common with what was typed
-_CLIPS = frozenset([".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp"])
 
 
 class _Helped(click.Command):
@@ -95,7 +90,12 @@ class Command(_Helped):
             args: as the user typed them.
         """
         ctx.allow_extra_args = True  # for a sentence of our own about them
-        extra = super().parse_args(ctx, self._with_new_names(args))
+        params = self.get_params(ctx)
+        _check_dashes(ctx, args, params)
+        try:
+            extra = super().parse_args(ctx, self._with_new_names(args))
+        except click.NoSuchOption as error:
+            raise _explain_option(error, params) from error
         if extra and not ctx.resilient_parsing:
             takes = " and ".join(p.make_metavar(ctx) for p in self.params if isinstance(p, click.Argument))
             needs = f"takes only {takes}" if takes else "takes no file"
@@ -138,6 +138,23 @@ class Command(_Helped):
         return self.renamed.get(name, name) + equals + value
 
 
+def _check_dashes(ctx: click.Context, args: Sequence[str], params: Sequence[click.Parameter]) -> None:
+    """Raise UsageError for a long option with one dash, of which click reads the letters one by one."""
+    names = {name for param in params for name in param.opts}
+    for word in args[: args.index("--")] if "--" in args else args:
+        option = "-" + word.partition("=")[0]
+        if len(option) > len("--x") and option in names and word not in names:
+            raise click.UsageError(f"There is no option {option[1:]}. Did you mean {option}?", ctx)
+
+
+def _explain_option(error: click.NoSuchOption, params: Sequence[click.Parameter]) -> click.UsageError:
+    """The error about an option that a command does not have, which names another if somebody can tell which."""
+    from lighting.cli.hints import describe_unknown_option
+
+    sentence = describe_unknown_option(error.option_name, {name for param in params for name in param.opts})
+    return click.UsageError(sentence, error.ctx) if sentence else error
+
+
 def _option_help(param: click.Parameter, ctx: click.Context) -> tuple[str, str] | None:
     return param.get_help_record(ctx) if isinstance(param, click.Option) else None
 
@@ -166,42 +183,14 @@ class Group(_Helped, click.Group):
         """
         name = args[0]
         if not ctx.resilient_parsing and not name.startswith("-") and self.get_command(ctx, name) is None:
-            raise click.UsageError(_describe_unknown(name, ctx.command_path, self.list_commands(ctx)), ctx)
+            from lighting.cli.hints import describe_unknown_command
+
+            sentence = describe_unknown_command(name, ctx.command_path, self.list_commands(ctx))
+            raise click.UsageError(escape_control_chars(sentence), ctx)
         return super().resolve_command(ctx, args)
 
 
 Group.group_class = Group  # of a group's groups
-
-
-def _describe_unknown(name: str, program: str, commands: Sequence[str]) -> str:
-    """What to type in place of a word that is no command, in one sentence or two."""
-    from difflib import get_close_matches
-
-    known = get_close_matches(name.lower(), commands, n=1, cutoff=_NEAR)
-    if known:
-        return f"There is no command {name!r}. Did you mean {known[0]}?"
-    if program == "lighting" and (line := _command_for_file(name)):
-        return escape_control_chars(line)
-    return f"There is no command {name!r}. `{program} --help` lists all."
-
-
-def _command_for_file(name: str) -> str | None:
-    """What to do with a file or a folder whose name stands where a command should; None for any other word."""
-    from lighting.batch.results import PHOTO_SUFFIXES
-
-    path, word = Path(name), shlex.quote(name)
-    suffix = path.suffix.lower()
-    if path.is_dir():
-        return f"{name} is a folder, not a command: try `lighting batch {word}`."
-    if suffix in PHOTO_SUFFIXES:
-        return f"{name} is a photo, not a command: try `lighting envmap {word}` or `lighting estimate {word}`."
-    if suffix in _CLIPS:
-        return f"{name} is a clip, not a command: try `lighting video {word}`."
-    if suffix == ".json":
-        return f"{name} is a record, not a command: try `lighting render {word}`."
-    if suffix in (".exr", ".hdr", ".onnx") or path.is_file() or os.sep in name:
-        return f"{name} is a file, not a command: try `lighting info {word}`."
-    return None
 
 
 class _Program(Group):
@@ -216,8 +205,16 @@ class _Program(Group):
         return super().get_command(ctx, cmd_name)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args[:1] in (["-h"], ["--help"]) and len(args) > 1:  # `--help COMMAND` is `COMMAND --help`
+            args = [*args[1:], args[0]]
         try:
             return super().parse_args(ctx, args)  # which prints --help and --version
+        except click.NoSuchOption as error:
+            option, envmap = error.option_name, self.get_command(ctx, "envmap")
+            if envmap and option in {name for param in envmap.params for name in param.opts}:
+                sentence = f"{option} goes behind a command: `lighting envmap PHOTO {option}`."
+                raise click.UsageError(sentence, ctx) from error
+            raise _explain_option(error, self.get_params(ctx)) from error
         except OSError as error:
             if is_broken_pipe(error):
                 raise

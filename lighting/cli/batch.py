@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -17,15 +18,12 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.photos import UNSUITABLE_STATUS
-from lighting.files import escape_undecodable, join_words
+from lighting.files import FileOptions, escape_undecodable, join_words
+from lighting.map_options import MapOptions
 
 if TYPE_CHECKING:
     from lighting.batch.job import BatchJob, Summary
-    from lighting.envmap.relighting import Adjustments
     from lighting.fusion.user_input import UserInput
-
-_ADJUSTMENTS = frozenset(["sun_direction", "exposure", "haze", "overcast"])
-_OF_MAPS = _ADJUSTMENTS | {"height", "sun", "yaw", "sky", "compression", "colours", "surroundings", "detail"}
 
 
 @dataclass(frozen=True)
@@ -35,15 +33,8 @@ class _Options:
     input: str
     out: str
     envmap: bool
-    height: int
-    adjustments: "Adjustments | None"
-    sun: bool | None
-    yaw: float
-    sky: str | None
-    compression: str | None
-    colours: str | None
-    surroundings: bool | None
-    detail: bool
+    view: MapOptions
+    file: FileOptions
     parquet: bool
     workers: int | None
     overwrite: bool
@@ -57,14 +48,9 @@ class _Options:
 
     @property
     def job(self) -> "BatchJob":
-        from lighting.batch.job import BatchJob, MapOptions
+        from lighting.batch.job import BatchJob, MapOutput
 
-        maps = None
-        if self.envmap:
-            compression = self.compression or "zip"
-            view = self.height, self.sun, self.yaw, self.sky
-            place = self.surroundings, self.detail
-            maps = MapOptions(*view, compression, *place, self.colours or "rec709", self.adjustments)
+        maps = MapOutput(self.view, self.file) if self.envmap else None
         return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input)
 
     @property
@@ -84,10 +70,8 @@ class _Options:
 @click.argument("out", required=False, type=common.FileName(), callback=common.check_folder_name)
 @click.option("-o", "--output", metavar="OUT", callback=common.check_folder_name, help="The same as OUT.")
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
-@common.map_options
-@common.adjustment_options
-@common.surroundings_option
-@common.detail_option
+@common.map_options()
+@common.file_options("format", "compression", "colors")
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")
 @click.option("--workers", type=click.IntRange(1), help="Number of processes; one per CPU by default.")
 @click.option("--overwrite", is_flag=True, help="Discard earlier results instead of resuming; maps stay.")
@@ -137,9 +121,11 @@ def _choose_out(source: str, out: str | None, output: str | None) -> str:
     return console.choose_folder(str(Path(source)), stated, "-lighting")
 
 
-def _describe_results(name: str) -> str:
-    """How to open the results."""
-    return f"jq . {shlex.quote(name)}" if name.endswith(".jsonl") else "with any reader of Parquet"
+def _describe_results(name: str) -> str | None:
+    """How to open the results; None where this machine has no program for them."""
+    if not name.endswith(".jsonl"):
+        return "with any reader of Parquet"
+    return f"jq . {shlex.quote(name)}" if shutil.which("jq") else None
 
 
 def _holds_unsuitable(results: Path) -> bool:
@@ -154,7 +140,9 @@ def _refuse_idle_options(ctx: click.Context) -> None:
     """Raise UsageError for an option that would do nothing."""
     explicit = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
     options = {param.name: param.opts[0] for param in ctx.command.params}
-    if not ctx.params["envmap"] and (idle := [options[name] for name in options if name in explicit & _OF_MAPS]):
+    if not ctx.params["envmap"] and (
+        idle := [options[name] for name in options if name in explicit & common.MAP_PARAMETERS]
+    ):
         raise click.UsageError(f"{join_words(idle, 'and')} {'needs' if len(idle) == 1 else 'need'} --envmap.")
     if ctx.params["engine"] == "pool" and "address" in explicit:
         raise click.UsageError("--address needs --engine ray.")

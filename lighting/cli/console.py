@@ -8,6 +8,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -31,12 +32,13 @@ from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable, join_w
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe
-    from lighting.photo.reader import PhotoCrop
+    from lighting.photo.reader import Photo, PhotoCrop
     from lighting.records import Lighting
 
-_PHOTO_HEADS = (b"\xff\xd8\xff", b"\x89PNG", b"II*\0", b"MM\0*")  # of JPEG, PNG and TIFF
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
-_MAPS_OF_PROGRAMS = (".exr", ".hdr")  # which systems have no program for
+CLIP_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp")
+MAP_FILE_SUFFIXES = (".exr", ".hdr")  # of maps, and never of photos; systems have no program for them
+RECORD_SUFFIXES = (".json", ".jsonl")
 _HINT = "'-o' / '--output'"  # how click names the option in an error
 
 
@@ -261,8 +263,43 @@ def _open_input(name: str) -> Iterator[BinaryIO]:
     elif not name:  # which would be the current folder
         raise _no_name()
     else:
+        check_there(name)
         with Path(name).open("rb") as stream:
             yield stream
+
+
+def check_there(name: str) -> None:
+    """Raise FileNotFoundError for a file that is not there, which says what was probably meant.
+
+    Args:
+        name: of the file, as the user typed it.
+    """
+    if not Path(name).exists():
+        from lighting.cli.hints import describe_missing_file
+
+        raise FileNotFoundError(errno.ENOENT, describe_missing_file(name) or os.strerror(errno.ENOENT), name)
+
+
+def check_photo(name: str) -> None:
+    """Raise an error for a photo that is not there, for a folder, and for a clip.
+
+    Args:
+        name: of the file, as the user typed it.
+    """
+    check_there(name)
+    if Path(name).is_dir():
+        raise IsADirectoryError(errno.EISDIR, f"It is a folder: try `lighting batch {shlex.quote(name)}`", name)
+    if name.lower().endswith(CLIP_SUFFIXES):
+        raise PhotoError(f"It is a clip: try `lighting video {shlex.quote(name)}`.")
+
+
+def is_address(name: str) -> bool:
+    """Tell whether a file's name is an address in the web.
+
+    Args:
+        name: as the user typed it.
+    """
+    return name.lower().startswith(("http://", "https://", "ftp://"))
 
 
 def read_picture_bytes(name: str) -> bytes:
@@ -300,9 +337,21 @@ def read_photo_bytes(name: str) -> bytes:
         return read_bytes(_stdin())
     if not name:
         raise _no_name()
-    if Path(name).is_dir():
-        raise IsADirectoryError(errno.EISDIR, f"It is a folder: try `lighting batch {shlex.quote(name)}`", name)
+    check_photo(name)
     return read_bytes(Path(name))
+
+
+def read_photo(name: str, target: int | None = None) -> "Photo":
+    """Read the photo in a file; raises as `read_photo_bytes`, and PhotoError for what is no photo.
+
+    Args:
+        name: of the file, beside which sidecars may lie; "-" is stdin.
+        target: pixels of its longer side to keep; None keeps what the network needs.
+    """
+    import lighting.photo.reader as reader
+
+    data = read_photo_bytes(name)
+    return reader.read_photo(data, target=target or reader.TARGET, path=path_of(name))
 
 
 @contextmanager
@@ -379,14 +428,14 @@ def parse_lighting(data: bytes, name: str) -> "Lighting":
 def _describe_other_file(data: bytes, name: str) -> str | None:
     """What a file is that stands in a record's place, and what to do with it; None where it may be a record."""
     from lighting.files.exr import EXR_MAGIC
-    from lighting.photo.formats import kind_name
+    from lighting.photo.formats import HEAD_BYTES, begins_as_photo, kind_name
 
     shown, typed = escape_path(name), escape_control_chars(shlex.quote(name))
     if data.startswith(EXR_MAGIC):
         return f"{shown} is an EXR, not a record (.json). Its record: `lighting info {typed}`."
-    if data.startswith(_PHOTO_HEADS):
-        return f"{shown} is a photo, not a record (.json). Its map: `lighting envmap {typed}`."
     kind = kind_name(data)
+    if kind is None and begins_as_photo(data[:HEAD_BYTES]):
+        return f"{shown} is a photo, not a record (.json). Its map: `lighting envmap {typed}`."
     zeros = data.count(0) == len(data)  # whose kind says nothing of the file
     return None if kind in (None, "a JSON file", "a text") or zeros else f"{shown} is {kind}, not a record (.json)."
 
@@ -435,7 +484,7 @@ class OutputKind:
         Args:
             source: the file that is read.
         """
-        return Path(source).with_name(self.within(source))
+        return Path(source).parent / self.within(source)
 
     def within(self, source: str) -> str:
         """Return the name in a folder.
@@ -448,7 +497,6 @@ class OutputKind:
 
 _MAP_SUFFIXES = tuple(f".{name}" for name in MAP_FORMATS)
 MAPS = OutputKind(".exr", _MAP_SUFFIXES, join_words(_MAP_SUFFIXES))
-RECORD_SUFFIXES = (".json", ".jsonl")
 PREVIEWS = OutputKind("-preview.png", (".png",), ".png")
 
 
@@ -514,6 +562,13 @@ def choose_files(sources: Sequence[str], output: str | None, kind: OutputKind, *
         click.ClickException: a file is there.
     """
     check_stdin(sources)
+    check_not_written(sources, output, kind.suffixes)
+    if len(sources) == 1 and sources[0] and Path(sources[0]).is_dir():
+        check_photo(sources[0])
+    for name in sources:
+        if name.lower().endswith(MAP_FILE_SUFFIXES):
+            hint = f"try `lighting info {shlex.quote(name)}`"
+            raise click.UsageError(f"{escape_path(name)} is a map, not a photo: {hint}.")
     folder = output is not None and output != "-" and (len(sources) > 1 or _is_folder(output))
     if folder:
         assert output is not None
@@ -525,12 +580,32 @@ def choose_files(sources: Sequence[str], output: str | None, kind: OutputKind, *
         raise click.UsageError("Several photos need a folder: -o FOLDER/.")
     else:
         names = [output]
+    if not folder and output not in (None, "-") and not Path(str(output)).suffix:
+        sentence = (
+            f"There is no folder {output}. -o {output}/ makes it, and -o {output}{kind.suffixes[0]} writes a file."
+        )
+        raise click.BadParameter(sentence, param_hint=_HINT)
     for name, source in zip(names, sources, strict=True):
         if not folder and (output is not None or Path(source).exists()):
             check_file(name, kind.suffixes)
     check_apart(sources, names)
+    if len(sources) == 1 and sources[0] not in ("", "-") and Path(names[0]).is_file():
+        check_there(sources[0])  # whose error says more than that of an output that is there
     check_absent(names, overwrite=overwrite)
     return names
+
+
+def check_not_written(sources: Sequence[str], output: str | None, suffixes: Sequence[str]) -> None:
+    """Raise UsageError where the name of an output stands among the inputs.
+
+    Args:
+        sources: the files that are read.
+        output: what -o says; None: nothing.
+        suffixes: of outputs.
+    """
+    for name in sources if output is None and len(sources) > 1 else ():
+        if name.lower().endswith(tuple(suffixes)) and (not Path(name).exists() or not name.lower().endswith(".png")):
+            raise click.UsageError(f"To write {escape_path(name)}, type -o before its name.")
 
 
 def _default_file(source: str, kind: OutputKind) -> str:
@@ -654,24 +729,24 @@ def choose_folder(source: str, output: str | None, ending: str) -> str:
         return output
     if source == "-":
         raise click.UsageError("What is read from stdin needs an output: -o FOLDER.")
-    return str(Path(source).with_name(Path(source).stem + ending))
+    return str(Path(source).parent / f"{Path(source).stem}{ending}")
 
 
-def open_command(name: str) -> str:
-    """Say how to open a file that a command wrote.
+def open_command(name: str) -> str | None:
+    """Say how to open a file that a command wrote; None where this machine has no program for it.
 
     Args:
         name: of the file.
     """
-    if name.lower().endswith(_MAPS_OF_PROGRAMS):
+    if name.lower().endswith(MAP_FILE_SUFFIXES):
         return "as Blender's World texture, or in any program that reads HDR pictures"
-    program = {"darwin": "open", "win32": "start"}.get(sys.platform, "xdg-open")
-    return f"{program} {shlex.quote(name)}"
+    program = {"darwin": "open", "win32": "start"}.get(sys.platform) or shutil.which("xdg-open")
+    return program and f"{Path(program).name} {shlex.quote(name)}"
 
 
 def report_written(
     names: Sequence[str],
-    how_to_open: Callable[[str], str] = open_command,
+    how_to_open: Callable[[str], str | None] = open_command,
     *,
     quiet: bool = False,
     err: bool = False,
@@ -680,7 +755,7 @@ def report_written(
 
     Args:
         names: of files or folders; "-" is stdout, about which nothing is printed.
-        how_to_open: of one of them.
+        how_to_open: of one of them; None where nothing is to be said of it.
         quiet: print nothing.
         err: print on stderr, where a command's words go there.
     """
@@ -688,6 +763,6 @@ def report_written(
         return
     first, *others = (escape_path(name) + "/" * (_is_folder(name) and not name.endswith("/")) for name in names)
     shown = f"{first} and {len(others)} more" if len(others) > 1 else " and ".join([first, *others])
-    chosen = next((name for name in names if not name.lower().endswith(_MAPS_OF_PROGRAMS)), names[0])
-    it = escape_path(Path(chosen).name) if others else "it"
-    click.echo(f"Wrote {shown}. Open {it}: {escape_control_chars(how_to_open(chosen))}", err=err)
+    chosen = next((name for name in names if not name.lower().endswith(MAP_FILE_SUFFIXES)), names[0])
+    it, how = escape_path(Path(chosen).name) if others else "it", how_to_open(chosen)
+    click.echo(f"Wrote {shown}." + (f" Open {it}: {escape_control_chars(how)}" if how else ""), err=err)

@@ -8,9 +8,8 @@ import click
 import lighting.errors as errors
 from lighting.cli import cli, console
 from lighting.cli import options as common
-from lighting.cli.console import path_of, read_photo_bytes
 from lighting.cli.options import usage_errors
-from lighting.cli.photos import estimate_photo, load_estimator, strict_status
+from lighting.cli.photos import estimate_alone, load_estimator, strict_status
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
@@ -35,13 +34,11 @@ def _answers(
     The network is loaded now for several photos, and beside the decoding of one alone. Raises ModelError.
     """
     if len(names) == 1:
-        return lambda photos: _estimate_each(
-            photos, lambda name: estimate_photo(name, console.read_photo_bytes(name), user_input, model)[1]
-        )
+        return lambda photos: _estimate_each(photos, lambda name: estimate_alone(name, user_input, model))
     estimator = load_estimator(model)
     if together:
         return lambda photos: _estimate_views(estimator, photos, user_input, headings)
-    return lambda photos: _estimate_each(photos, lambda name: estimator(_read_photo_file(name), user_input))
+    return lambda photos: _estimate_each(photos, lambda name: estimator(console.read_photo(name), user_input))
 
 
 def _estimate_each(names: Iterable[str], estimate: "Callable[[str], Estimate]") -> Answers:
@@ -65,7 +62,7 @@ def _estimate_views(
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
-            read[i] = name, _read_photo_file(name, MAX_SIDE if register else None)
+            read[i] = name, console.read_photo(name, MAX_SIDE if register else None)
         except (PhotoError, OSError) as error:
             yield name, error
     if not read:
@@ -121,6 +118,7 @@ def _estimate(
     stop the others; the exit status is 1 then.
     """
     console.check_stdin(photos)
+    console.check_not_written(photos, output, console.RECORD_SUFFIXES)
     _check_together(len(photos), user_input, **taken_together)
     _warn_unregistered(quiet, **taken_together)
     if output == "-":
@@ -166,20 +164,6 @@ def _warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | 
     if not has_opencv():
         reason = f"because OpenCV is not installed: {errors.install_command('all')}."
         click.echo(f"Warning: The photos were not matched with each other, {reason}", err=True)
-
-
-def _read_photo_file(name: str, target: int | None = None) -> "Photo":
-    """Read the photo in a file.
-
-    Args:
-        name: of the file; "-" is stdin.
-        target: pixels of its longer side to keep; None keeps what the network needs.
-    """
-    from lighting.photo.reader import read_photo
-
-    data = read_photo_bytes(name)
-    path = path_of(name)
-    return read_photo(data, path=path) if target is None else read_photo(data, target=target, path=path)
 
 
 def _check_together(photos: int, user_input: "UserInput", together: bool, headings: list[float] | None) -> None:

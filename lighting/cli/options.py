@@ -3,35 +3,38 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 
-from lighting.cli.console import MAPS, OutputKind, print_estimate
+from lighting.cli.console import MAPS, OutputKind, is_address, print_estimate
 from lighting.errors import EnvironmentMapError, LightingError, ParameterError
-from lighting.sky import SKY_MODELS, format_sky_models
+from lighting.fields import option_name
+from lighting.files import FileOptions
+from lighting.map_options import (
+    Adjustments,
+    Around,
+    MapOptions,
+    OptionText,
+    around_of_switches,
+    check_height,
+    option_texts,
+    parse_exposure,
+    parse_sun,
+)
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from lighting.envmap.relighting import Adjustments
     from lighting.fusion.user_input import UserInput
     from lighting.photo_estimate import Estimate
-    from lighting.records import Lighting
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 _Value = TypeVar("_Value")
-
-
-def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
-    from lighting.records import MAX_HEIGHT, MIN_HEIGHT
-
-    if value % 2 or not MIN_HEIGHT <= value <= MAX_HEIGHT:
-        raise click.BadParameter(f"{value} is not an even number from {MIN_HEIGHT} to {MAX_HEIGHT}.")
-    return value
 
 
 class Number(click.types.FloatParamType):
@@ -86,6 +89,18 @@ class FileName(click.ParamType):  # type: ignore[type-arg]  # as above
 
     name = "file"
 
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name; BadParameter for an address in the web.
+
+        Args:
+            value: as the user typed it.
+            param: of click.
+            ctx: of click.
+        """
+        if is_address(value):
+            self.fail(f"{value} is an address; download it, and give the name of the file.", param, ctx)
+        return value
+
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":  # noqa: ARG002
         """Have the shell complete names of files.
 
@@ -108,6 +123,15 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
     @property
     def choices(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(self.names())
+
+    def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:  # noqa: ARG002
+        """Return what to type where an option is missing, such as "Type --for and one of blender, usd."
+
+        Args:
+            param: of click.
+            ctx: of click.
+        """
+        return f"Type {param.opts[0]} and one of {', '.join(self.choices)}."
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Read a name; BadParameter for another one, with a similar one if there is any.
@@ -141,7 +165,7 @@ class _Compression(RegistryChoice):
     """How an EXR is packed; the error for another name says more where it once was one."""
 
     def __init__(self) -> None:
-        super().__init__(_compressions)
+        super().__init__(_FILE_TEXTS["compression"].choices or tuple)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         from lighting.files.exr import check_exr_compression
@@ -153,16 +177,10 @@ class _Compression(RegistryChoice):
         return value
 
 
-def _colour_spaces() -> Iterable[str]:
-    from lighting.color import COLOR_SPACES
-
-    return COLOR_SPACES
-
-
-def _compressions() -> Iterable[str]:
-    from lighting.files.exr import COMPRESSIONS
-
-    return COMPRESSIONS
+_FILE_SUFFIXES = (  # in which no folder's name ends
+    ".exr", ".hdr", ".png", ".jpg", ".jpeg", ".json", ".jsonl", ".csv", ".parquet", ".zip", ".mp4", ".mov", ".py",
+    ".blend", ".usd", ".usda", ".usdc", ".usdz", ".gltf", ".glb", ".fbx", ".obj", ".tscn", ".xml",
+)  # fmt: skip
 
 
 def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
@@ -177,6 +195,8 @@ def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str | 
         raise click.BadParameter("the name of the folder is empty.")
     if name == "-":
         raise click.BadParameter("the results are a folder, which stdout cannot be.")
+    if name and (path := Path(name)).suffix.lower() in _FILE_SUFFIXES and not path.exists():
+        raise click.BadParameter(f"the results are a folder, and {name} is a file's name; try {path.with_suffix('')}.")
     return name
 
 
@@ -194,16 +214,6 @@ def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | No
 
 
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that are there.")
-height_option = click.option(
-    "--height", default=512, show_default=True, callback=_height, help="Rows of the map; columns are twice that."
-)
-no_sun_option = click.option(
-    "--no-sun",
-    "sun",
-    flag_value=False,
-    default=None,
-    help="Leave direct sunlight out.  [default: painted if its power is known or it likely shines]",
-)
 
 
 def _add_options(command: Callable[..., None], *options: Decorator) -> Callable[..., None]:
@@ -213,44 +223,158 @@ def _add_options(command: Callable[..., None], *options: Decorator) -> Callable[
     return command
 
 
-_MAP_OPTIONS: tuple[Decorator, ...] = (
-    height_option,
-    click.option(
-        "--sky",
-        metavar="MODEL",
-        type=RegistryChoice(lambda: SKY_MODELS),
-        help=f"The sky's shape: {format_sky_models(' or ')}, which are advanced.",
-    ),
-    click.option(
-        "--yaw",
-        default=0.0,
-        metavar="DEG",
-        type=Number("90"),
-        callback=_check_finite,
-        help="Turn the map, with its sun, to the right.",
-    ),
-    click.option(
-        "--compression",
-        metavar="NAME",
-        type=_Compression(),
-        help="How an EXR is packed: zip (the default), pxr24 or none.",
-    ),
-    click.option(
-        "--colours",
-        metavar="NAME",
-        type=RegistryChoice(_colour_spaces),
-        help="Primaries of an EXR: rec709 (the default), acescg or linear-p3. A record stays in Rec.709.",
-    ),
+_MAP_TEXTS, _FILE_TEXTS = option_texts(MapOptions), option_texts(FileOptions)
+
+
+def _text_option(name: str, text: OptionText, default: object) -> Decorator:
+    """The option of a field, by what people read of it everywhere."""
+    names = f"--{name}/--no-{name}" if default is True else f"--{name}"
+    kind: Any = None
+    if name == "compression":
+        kind = _Compression()
+    elif text.choices is not None:
+        kind = RegistryChoice(text.choices)
+    elif isinstance(default, bool):
+        return click.option(names, is_flag=True, default=default, show_default=default or None, help=_sentence(text))
+    elif text.range is not None:
+        kind = int if isinstance(default, int) else Number(f"{text.example:g}")
+    return click.option(
+        names, metavar=text.unit or None, type=kind, default=default, show_default=True, help=_sentence(text)
+    )
+
+
+def _sentence(text: OptionText) -> str:
+    return f"{text.help[0].upper()}{text.help[1:]}."
+
+
+def _checked_height(_ctx: click.Context, _param: click.Parameter, height: int) -> int:
+    with usage_errors():
+        check_height(height)
+    return height
+
+
+height_option = click.option(
+    "--height",
+    default=MapOptions.height,
+    show_default=True,
+    callback=_checked_height,
+    help=_sentence(_MAP_TEXTS["height"]),
 )
 
 
-def map_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options that say how a map is rendered; a command receives them together as `view`.
+def _sun(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        return parse_sun(text)
+    except ParameterError as error:
+        sentence = (
+            "it moves the sun, and needs AZIMUTH,ELEVATION in degrees: --sun 40,25. "
+            "The sun is painted where it shines; --no-sun leaves it out."
+        )
+        raise click.BadParameter(sentence) from error
+
+
+def _exposure(_ctx: click.Context, _param: click.Parameter, text: str) -> float:
+    try:
+        return parse_exposure(text)
+    except ParameterError as error:
+        raise click.BadParameter(f"{text!r} is not a number of EV such as +0.5.") from error
+
+
+_SUN = click.option(
+    "--no-sun",
+    "sun",
+    flag_value=False,
+    default=None,
+    help="Leave direct sunlight out.  [default: painted if its power is known or it likely shines]",
+)
+_LATER_TEXTS = {name: text for name, text in option_texts(Adjustments).items() if name != "exposure"}
+_ADJUSTMENTS: dict[str, Decorator] = {  # by the parameters of a command
+    "sun_direction": click.option(
+        "--sun",
+        "sun_direction",
+        metavar="AZ,EL",
+        callback=_sun,
+        help="Move the sun: degrees from where the camera points, positive right, and above the horizon.",
+    ),
+    "exposure": click.option(
+        "--exposure",
+        metavar="EV",
+        default="0",
+        callback=_exposure,
+        help="Brighten by so many EV: +1 is twice as bright.",
+    ),
+    **{
+        name: _text_option(name, option_texts(Adjustments)[name], getattr(Adjustments, name))
+        for name in ("haze", "overcast")
+    },
+}
+_SWITCHES: dict[str, Decorator] = {  # that `around` replaces, until 0.3.0
+    name: click.option(f"--{name}/--no-{name}", default=None, hidden=True, help="An old form of --around.")
+    for name in ("surroundings", "detail")
+}
+MAP_PARAMETERS = frozenset([*_MAP_TEXTS, *_FILE_TEXTS, *_ADJUSTMENTS, *_SWITCHES])  # that commands have of maps
+
+
+def map_options(*names: str, without_detail: str = Around.PHOTO.value) -> Decorator:
+    """Add the options that fill fields of MapOptions; a command receives it as `view`.
 
     Args:
-        command: that receives them.
+        names: of the fields; none is all.
+        without_detail: as in `around_of_switches`.
     """
-    return _add_options(command, *_MAP_OPTIONS)
+    names = names or tuple(field.name for field in fields(MapOptions))
+    options = [
+        *(
+            _SUN if name == "sun" else _text_option(name, text, getattr(MapOptions, name))
+            for name, text in _MAP_TEXTS.items()
+            if name in names
+        ),
+        *(_ADJUSTMENTS.values() if "adjustments" in names else ()),
+        *(_SWITCHES.values() if "around" in names else ()),
+    ]
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_view(*args: Any, **values: Any) -> None:
+            fields_of = {name: values.pop(name) for name in names if name != "adjustments"}
+            if "around" in names:
+                old = around_of_switches(values.pop("surroundings"), values.pop("detail"), without_detail)
+                fields_of["around"] = old or fields_of["around"]
+            if "adjustments" in names:
+                sun, *others = (values.pop(name) for name in _ADJUSTMENTS)
+                if sun is not None and fields_of["sun"] is False:
+                    raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
+                fields_of["sun"] = True if sun is not None else fields_of["sun"]
+                with usage_errors():
+                    fields_of["adjustments"] = Adjustments(sun, *others)
+            with usage_errors():
+                view = MapOptions(**fields_of)
+            command(*args, view=view, **values)
+
+        return _add_options(with_view, *options)
+
+    return decorate
+
+
+def file_options(*names: str) -> Decorator:
+    """Add the options that fill fields of FileOptions; a command receives it as `file`.
+
+    Args:
+        names: of the fields.
+    """
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_file(*args: Any, **values: Any) -> None:
+            with usage_errors():
+                file = FileOptions(**{name: values.pop(name) for name in names})
+            command(*args, file=file, **values)
+
+        return _add_options(with_file, *(_text_option(n, _FILE_TEXTS[n], getattr(FileOptions, n)) for n in names))
+
+    return decorate
 
 
 def file_output(kind: OutputKind, *, several: bool = False) -> Decorator:
@@ -290,16 +414,6 @@ def record_output(text: str) -> Decorator:
     return lambda command: option(overwrite_option(command))
 
 
-surroundings_option = click.option(
-    "--surroundings/--no-surroundings",
-    default=None,
-    help="Show the surroundings, not only sky and ground.  [default: if the network predicts them]",
-)
-detail_option = click.option(
-    "--detail/--no-detail",
-    default=True,
-    help="Add fine detail to a map with surroundings, all around the photo.  [default: detail]",
-)
 model_option = click.option(
     "--model",
     metavar="FILE.onnx",
@@ -357,86 +471,6 @@ def _parsed(read: Callable[[str], _Value], text: str) -> _Value:
     except ParameterError as error:
         raise click.BadParameter(str(error)) from error
 
-
-def _sun(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    from lighting.envmap.relighting import parse_sun
-
-    try:
-        return parse_sun(text)
-    except ParameterError as error:
-        sentence = (
-            "it moves the sun, and needs AZIMUTH,ELEVATION in degrees: --sun 40,25. "
-            "The sun is painted where it shines; --no-sun leaves it out."
-        )
-        raise click.BadParameter(sentence) from error
-
-
-def _exposure(_ctx: click.Context, _param: click.Parameter, text: str) -> float:
-    if text == _NO_EXPOSURE:
-        return 0.0
-    from lighting.envmap.relighting import parse_exposure
-
-    try:
-        return parse_exposure(text)
-    except ParameterError as error:
-        raise click.BadParameter(f"{text!r} is not a number of EV such as +0.5.") from error
-
-
-def adjustment_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add what adjusts a light by hand, and --no-sun.
-
-    A command receives `adjustments`, None without any, and `sun`, whether the sun is painted: one that the user moved
-    is.
-
-    Args:
-        command: that receives them.
-    """
-
-    @wraps(command)
-    def with_adjustments(*args: Any, **options: Any) -> None:
-        names = ("sun_direction", "exposure", "haze", "overcast")
-        sun, exposure, haze, overcast = (options.pop(name) for name in names)
-        if sun is not None:
-            if options["sun"] is False:
-                raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
-            options["sun"] = True
-        if sun is None and not exposure and haze is None and not overcast:
-            command(*args, adjustments=None, **options)
-            return
-        from lighting.envmap.relighting import Adjustments
-
-        with usage_errors():
-            adjustments = Adjustments(sun, exposure, haze, overcast)
-        command(*args, adjustments=adjustments, **options)
-
-    return _add_options(with_adjustments, *_ADJUSTMENTS)
-
-
-_NO_EXPOSURE = "0"
-
-_ADJUSTMENTS: tuple[Decorator, ...] = (
-    click.option(
-        "--sun",
-        "sun_direction",
-        metavar="AZ,EL",
-        callback=_sun,
-        help="Move the sun: degrees from where the camera points, positive right, and above the horizon.",
-    ),
-    click.option(
-        "--exposure",
-        metavar="EV",
-        default=_NO_EXPOSURE,
-        callback=_exposure,
-        help="Brighten by so many EV: +1 is twice as bright.",
-    ),
-    click.option("--haze", type=Number("3"), metavar="TURBIDITY", help="How hazy, 1 to 10: 2 is clear, 10 hazy."),
-    click.option(
-        "--overcast", is_flag=True, help="Cover the sky with clouds: no sun, five sixths of a clear sky's light, gray."
-    ),
-    no_sun_option,
-)
 
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
     "metadata": click.option(
@@ -524,14 +558,8 @@ class PhotoOptions:
     """Name of a file or folder. None: beside each photo."""
     overwrite: bool
     """Whether a file may be replaced."""
-    surroundings: bool | None
-    """Whether maps show the place. None: where the network predicts it."""
-    detail: bool
-    """Whether they then have detail all around the photo."""
-    sun: bool | None
-    """Whether it is in maps and scenes. None: where it shines."""
-    adjustments: "Adjustments | None"
-    """What the user changes of the light. None: nothing."""
+    view: MapOptions
+    """Of the map, the preview or the scene."""
     user_input: "UserInput"
     """What the user states of the photos."""
     model: str | None
@@ -543,61 +571,48 @@ class PhotoOptions:
     quiet: bool
     """Whether there are no progress, summaries and warnings."""
 
-    def adjust(self, lighting: "Lighting") -> "Lighting":
-        """Return a light as the user adjusts it.
-
-        Args:
-            lighting: before.
-        """
-        if self.adjustments is None:
-            return lighting
-        from lighting.envmap.relighting import adjust_lighting
-
-        return adjust_lighting(lighting, self.adjustments)
-
-    def print_estimate(
-        self, photo: str, answer: "Estimate", lighting: "Lighting", warnings: Sequence[str], files: dict[str, str]
-    ) -> None:
-        """Print the line of a photo, and its warnings.
+    def print_estimate(self, photo: str, answer: "Estimate", warnings: Sequence[str], files: dict[str, str]) -> None:
+        """Print the line of a photo, whose light is adjusted first, and its warnings.
 
         Args:
             photo: name of the file.
             answer: about the photo.
-            lighting: as the user adjusted it.
             warnings: of the answer and of what was made of it.
             files: that were written, by what they are.
         """
-        probe = None
-        if self.as_json:
-            probe = answer.replace(lighting=lighting).light_probe(sun=self.sun, surroundings=self.surroundings)
+        from lighting.envmap.relighting import adjust_lighting
+
+        light = adjust_lighting(answer.lighting, self.view.adjustments)
+        probe = answer.probe(replace(self.view, yaw=0.0, sky=None)) if self.as_json else None
         crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
-        print_estimate(photo, lighting, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
+        print_estimate(photo, light, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
 
 
-def photo_options(command: Callable[..., None]) -> Callable[..., None]:
+def photo_options(*names: str) -> Decorator:
     """Add the options that PhotoOptions holds, apart from -o; the command receives it as `chosen`.
 
     Args:
-        command: that receives them.
+        names: the fields of MapOptions that count; none is all.
     """
 
-    @wraps(command)
-    def with_chosen(*args: Any, **options: Any) -> None:
-        chosen = PhotoOptions(**{field.name: options.pop(field.name) for field in fields(PhotoOptions)})
-        command(*args, chosen=chosen, **options)
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_chosen(*args: Any, **options: Any) -> None:
+            chosen = PhotoOptions(**{field.name: options.pop(field.name) for field in fields(PhotoOptions)})
+            command(*args, chosen=chosen, **options)
 
-    return _add_options(
-        with_chosen,
-        click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName()),
-        adjustment_options,
-        surroundings_option,
-        detail_option,
-        user_input_options,
-        model_option,
-        strict_option,
-        json_option,
-        silent_option,
-    )
+        return _add_options(
+            with_chosen,
+            click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName()),
+            map_options(*names),
+            user_input_options,
+            model_option,
+            strict_option,
+            json_option,
+            silent_option,
+        )
+
+    return decorate
 
 
 @contextmanager
@@ -610,8 +625,6 @@ def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
     try:
         yield
     except kind as error:
-        from lighting.fields import option_name
-
         raise click.UsageError(str(error.renamed(option_name))) from error
 
 

@@ -1,47 +1,32 @@
 """What commands about photos share: an estimate of one photo after the other, and the exit status."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 import lighting.cli.console as console
-from lighting.cli.console import path_of
 from lighting.cli.options import PhotoOptions
 from lighting.errors import LightingError
-from lighting.start import exit_on_interrupt, network_thread
+from lighting.start import StartedNetwork, exit_on_interrupt
 
 if TYPE_CHECKING:
     from lighting.estimator import Estimator
     from lighting.fusion.user_input import UserInput
     from lighting.model import Model
-    from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
 
 UNSUITABLE_STATUS = 3  # of --strict, where a photo is probably none of outdoors by daylight
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class EstimatedPhoto:
-    """A photo that a command read, and the estimate of its light."""
-
-    name: str
-    """Of the file; "-" is stdin."""
-    data: bytes
-    """What the file holds."""
-    picture: "Photo"
-    """The photo decoded."""
-    estimate: "Estimate"
-    """Of its light."""
-
-
 def process_photos(
     ctx: click.Context,
     chosen: PhotoOptions,
-    work: Callable[[int, EstimatedPhoto], list[str]],
-    how_to_open: Callable[[str], str] = console.open_command,
+    work: Callable[[int, str, "Estimate"], list[str]],
+    how_to_open: Callable[[str], str | None] = console.open_command,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> None:
     """Estimate the light of each photo, work on it, say what was written, and end the command with its status.
@@ -52,7 +37,7 @@ def process_photos(
     Args:
         ctx: of click.
         chosen: the command's options.
-        work: takes a photo's number and answer, writes what the command writes, and returns the files.
+        work: takes a photo's number, name and answer, writes what the command writes, and returns the files.
         how_to_open: of the first file.
         meanwhile: what to do while the network runs on the only photo.
     """
@@ -62,7 +47,7 @@ def process_photos(
         for number, name in enumerate(progress):
             try:
                 answer = estimate(name)
-                written += work(number, answer)
+                written += work(number, name, answer)
             except (LightingError, OSError) as error:
                 if console.is_broken_pipe(error):
                     raise
@@ -73,14 +58,14 @@ def process_photos(
                 failed += 1
                 console.report_failure(name, error, progress)
                 continue
-            lights.append(answer.estimate.lighting)
+            lights.append(answer.lighting)
     if failed:
         click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
     console.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
     ctx.exit(1 if failed else strict_status(lights, chosen.strict))
 
 
-def _photo_estimator(chosen: PhotoOptions, meanwhile: Callable[[], object]) -> Callable[[str], EstimatedPhoto]:
+def _photo_estimator(chosen: PhotoOptions, meanwhile: Callable[[], object]) -> "Callable[[str], Estimate]":
     """A function that reads a photo and estimates its light; raises ModelError.
 
     The network is loaded now for several photos, and beside the decoding of one alone.
@@ -89,21 +74,17 @@ def _photo_estimator(chosen: PhotoOptions, meanwhile: Callable[[], object]) -> C
         return lambda name: estimate_file(name, chosen.user_input, chosen.model, meanwhile)
     estimator = load_estimator(chosen.model)
 
-    def estimate(name: str) -> EstimatedPhoto:
-        from lighting.photo.reader import read_photo
-
+    def estimate(name: str) -> "Estimate":
         with console.prefix_errors(name):
-            data = console.read_photo_bytes(name)
-            photo = read_photo(data, path=path_of(name))
-            return EstimatedPhoto(name, data, photo, estimator(photo, chosen.user_input))
+            return estimator(console.read_photo(name), chosen.user_input)
 
     return estimate
 
 
 def estimate_file(
     name: str, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
-) -> EstimatedPhoto:
-    """Read a photo and estimate its light as `estimate_photo` does; errors name the file.
+) -> "Estimate":
+    """Do what `estimate_alone` does; errors name the file.
 
     Args:
         name: of the photo's file; "-" is stdin.
@@ -112,8 +93,37 @@ def estimate_file(
         meanwhile: what to do while the network runs.
     """
     with console.prefix_errors(name):
-        data = console.read_photo_bytes(name)
-        return EstimatedPhoto(name, data, *estimate_photo(name, data, user_input, model, meanwhile))
+        return estimate_alone(name, user_input, model, meanwhile)
+
+
+def estimate_alone(
+    name: str, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
+) -> "Estimate":
+    """Read a photo and estimate its light by a network of its own.
+
+    It is the network that began to load with the process, where there is one. Ctrl-C ends the process at once, for
+    nothing is written yet.
+
+    Args:
+        name: of the photo's file; "-" is stdin.
+        user_input: what the user states of it.
+        model: a network's file; None is the one in this package.
+        meanwhile: what to do while the network runs.
+    """
+    context = click.get_current_context(silent=True)
+    started: StartedNetwork | None = context.find_root().obj if context else None
+
+    def load() -> "Model":
+        from lighting.model import Model, packaged_model
+
+        session = started.take() if started and model is None else None
+        return Model.from_session(session, packaged_model()) if session else Model.load(model, for_one_photo=True)
+
+    from lighting.estimator import estimate_once
+
+    with exit_on_interrupt(), started.thread if started else ThreadPoolExecutor(1) as thread:
+        read = partial(console.read_photo, name)
+        return estimate_once(read, load, user_input, thread=thread, meanwhile=meanwhile)
 
 
 def strict_status(lights: Sequence["Lighting"], strict: bool) -> int:
@@ -139,46 +149,3 @@ def load_estimator(model: str | None) -> "Estimator":
     from lighting.model import Model
 
     return Estimator(Model.load(model))
-
-
-def estimate_photo(
-    name: str, data: bytes, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
-) -> "tuple[Photo, Estimate]":
-    """Decode a photo and estimate its light.
-
-    A thread loads the network meanwhile, and runs it while this one imports what comes after and calls `meanwhile`.
-    Ctrl-C ends the process at once, for nothing is written yet.
-
-    Args:
-        name: of the photo's file, beside which sidecars may lie; "-" is stdin.
-        data: the photo's bytes.
-        user_input: what the user states of it.
-        model: a network's file; None is the one in this package.
-        meanwhile: what to do while the network runs.
-    """
-    from lighting.model import preprocess
-    from lighting.photo.reader import read_photo
-
-    with exit_on_interrupt(), network_thread() as thread:
-        loading = thread.submit(_load_for_one_photo, model)
-        picture = read_photo(data, path=path_of(name))
-        network = loading.result()
-        predictions = thread.submit(network.predict, preprocess(picture, network.spec))
-        del loading, network  # so that the network is gone with its answer
-        from lighting.estimator import estimate_from_prediction
-        from lighting.fusion.estimate import refine_prediction
-
-        meanwhile()
-        (prediction,) = predictions.result()
-        predicted = refine_prediction(prediction, picture, user_input)
-        return picture, estimate_from_prediction(picture, predicted, user_input)
-
-
-def _load_for_one_photo(model: str | None) -> "Model":
-    from lighting.model import Model, packaged_model
-    from lighting.start import started_session
-
-    started = started_session() if model is None else None
-    if started is None:
-        return Model.load(model, for_one_photo=True)
-    return Model.from_session(started, packaged_model())

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,8 +11,11 @@ import lighting.cli.console as console
 from lighting.cli import Command, cli
 from lighting.cli import options as common
 from lighting.cli.options import PhotoOptions
-from lighting.cli.photos import EstimatedPhoto, process_photos
+from lighting.cli.photos import process_photos
 from lighting.scene import EXPORTERS, unsupported_options
+
+if TYPE_CHECKING:
+    from lighting.photo_estimate import Estimate
 
 
 @dataclass(frozen=True)
@@ -66,12 +69,9 @@ def _tool_options() -> list[click.Option]:
     callback=common.check_file_name,
     help="Take the light from this record. PHOTO gives the background and the ground.",
 )
-@common.height_option
-@common.photo_options
+@common.photo_options("height", "sun", "sky", "around", "adjustments")
 @click.pass_context
-def _scene(
-    ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str | None, height: int, **of_tool: Any
-) -> None:
+def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str | None, **of_tool: Any) -> None:
     """Write a photo and its light as a scene for another tool.
 
     The folder holds a camera with PHOTO behind it, a sun, and the environment map without the sun. A ground catches
@@ -83,22 +83,13 @@ def _scene(
     folders = _choose_folders(chosen, options)
     stored = console.read_lighting(record) if record else None
 
-    def work(number: int, photo: EstimatedPhoto) -> list[str]:
-        from lighting.envmap.surroundings import photo_context
-        from lighting.photo.reader import read_photo
-        from lighting.scene.records import PLATE_SIDE, make_scene
+    def work(number: int, name: str, estimate: "Estimate") -> list[str]:
         from lighting.scene.writer import write_scene
 
-        answer = photo.estimate
-        plate = read_photo(photo.data, target=PLATE_SIDE)
-        lighting = chosen.adjust(stored or answer.lighting)
-        context = photo_context(answer, plate.pixels, surroundings=chosen.surroundings, detail=chosen.detail)
-        scene = make_scene(
-            plate, lighting, map_height=height, sun=chosen.sun, context=context, segments=answer.segments
-        )
+        shown = estimate.replace(lighting=stored) if stored else estimate
+        scene = shown.make_scene(chosen.view)
         write_scene(scene, tool, folders[number], overwrite=chosen.overwrite, **stated)
-        files = {"output": folders[number]}
-        chosen.print_estimate(photo.name, answer, lighting, scene.warnings, files)
+        chosen.print_estimate(name, shown, scene.warnings, {"output": folders[number]})
         return [folders[number]]
 
     process_photos(ctx, chosen, work, EXPORTERS[tool].opening_command)

@@ -1,5 +1,6 @@
 """The commands that start the service, as a process of its own: `open` with a browser, `serve` without."""
 
+import errno
 import json
 import os
 import signal
@@ -17,10 +18,11 @@ import click
 
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.console import escape_path
+from lighting.cli.console import check_photo, escape_path
 from lighting.files import escape_undecodable
 
 _LOOPBACK, _PORT = "127.0.0.1", 8000  # where the service listens, if nothing else is said
+_NEIGHBOURS = 100  # ports from there on that are tried before any free one
 _ALL_ADDRESSES = {"0.0.0.0": _LOOPBACK, "::": "::1"}  # where this machine finds a service that listens on all
 _START_SECONDS = 60.0  # until the service listens, on a slow machine
 _POLL_SECONDS = 0.1
@@ -35,10 +37,10 @@ _FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
     BROWSER=firefox lighting open photo.jpg
     """,
 )
-@click.argument("photo", required=False, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("photo", required=False, metavar="[PHOTO]", type=common.FileName())
 @common.json_option
 @common.silent_option
-def _open(photo: Path | None, as_json: bool, quiet: bool) -> None:
+def _open(photo: str | None, as_json: bool, quiet: bool) -> None:
     """Open the web page in your browser, with PHOTO in it.
 
     The page and its service run on this machine alone, on a free port. PHOTO is shown only to
@@ -50,15 +52,16 @@ def _open(photo: Path | None, as_json: bool, quiet: bool) -> None:
     url = f"http://{_LOOPBACK}:{port}/"
     settings = {"LIGHTING_HOST": _LOOPBACK, "LIGHTING_PORT": str(port), **_log_level("error" if quiet else "warning")}
     if photo is not None:
-        settings |= {"LIGHTING_PHOTO": str(photo.resolve()), "LIGHTING_PHOTO_SECRET": secret}
-        url += f"#opened/{secret}/{quote(photo.name, safe='')}"
+        check_photo(photo)
+        settings |= {"LIGHTING_PHOTO": str(Path(photo).resolve()), "LIGHTING_PHOTO_SECRET": secret}
+        url += f"#opened/{secret}/{quote(Path(photo).name, safe='')}"
 
     def show(process: "subprocess.Popen[bytes]") -> None:
         if not _wait_until_listening(process, _LOOPBACK, port):
             return
         opened = _open_browser(url)
         if as_json:
-            name = None if photo is None else escape_undecodable(str(photo))
+            name = None if photo is None else escape_undecodable(photo)
             click.echo(json.dumps({"url": url, "file": name, "opened": opened}))
         elif not (quiet and opened):
             _report_page(url, photo, opened)
@@ -75,7 +78,11 @@ def _open(photo: Path | None, as_json: bool, quiet: bool) -> None:
     """,
 )
 @click.option("--host", help="Address to listen on; 0.0.0.0 listens on all. [default: 127.0.0.1]")
-@click.option("--port", type=click.IntRange(0, 65535), help="Port to listen on; 0 picks a free one. [default: 8000]")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    help="Port to listen on; 0 picks a free one. [default: 8000, or the next that is free]",
+)
 @common.json_option
 @common.silent_option
 def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> None:
@@ -89,10 +96,15 @@ def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> No
     settings |= _log_level("error") if quiet else {}
     text = settings.get("LIGHTING_PORT") or os.environ.get("LIGHTING_PORT") or str(_PORT)
     name = host or os.environ.get("LIGHTING_HOST") or _LOOPBACK
-    if quiet and not as_json:
-        raise SystemExit(_run_service(settings))
+    stated_port = port is not None or bool(os.environ.get("LIGHTING_PORT"))
     if text == "0":
         text = settings["LIGHTING_PORT"] = str(_find_free_port())
+    elif text.isdecimal() and _is_taken(name, int(text)):
+        if stated_port:
+            raise click.ClickException(f"Another program listens on port {text}; without --port it takes a free one.")
+        text = settings["LIGHTING_PORT"] = str(_next_free_port(name))
+    if quiet and not as_json:
+        raise SystemExit(_run_service(settings))
     address = _ALL_ADDRESSES.get(name, name)
 
     def report(process: "subprocess.Popen[bytes]") -> None:
@@ -128,6 +140,26 @@ def _find_free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def _is_taken(host: str, port: int) -> bool:
+    """Whether another program listens on a port; False also where the service itself says what is wrong."""
+    with suppress(OSError, OverflowError):
+        for family, kind, _, _, address in socket.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+            with socket.socket(family, kind) as probe:
+                if os.name == "posix":  # as the service does: connections that just ended do not count
+                    probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                try:
+                    probe.bind(address)
+                except OSError as error:
+                    if error.errno == errno.EADDRINUSE:
+                        return True
+    return False
+
+
+def _next_free_port(host: str) -> int:
+    following = range(_PORT + 1, _PORT + _NEIGHBOURS)
+    return next((port for port in following if not _is_taken(host, port)), None) or _find_free_port()
+
+
 def _open_browser(url: str) -> bool:
     """Open a browser; whether there is one."""
     with suppress(webbrowser.Error):
@@ -135,9 +167,9 @@ def _open_browser(url: str) -> bool:
     return False
 
 
-def _report_page(url: str, photo: Path | None, opened: bool) -> None:
+def _report_page(url: str, photo: str | None, opened: bool) -> None:
     """Say what a browser shows, or what to open where there is none."""
-    shown = "" if photo is None else f" with {escape_path(photo.name)}"
+    shown = "" if photo is None else f" with {escape_path(Path(photo).name)}"
     sentence = f"Opened {url}{shown} in your browser." if opened else f"Open {url}{shown} in a browser."
     click.echo(f"{sentence} Ctrl-C ends the service.")
 

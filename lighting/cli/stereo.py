@@ -250,7 +250,7 @@ def _normals(
     console.report_written([str(folder)], _describe_normals, quiet=quiet or as_json)
 
 
-def _describe_normals(folder: str) -> str:
+def _describe_normals(folder: str) -> str | None:
     """How to open the best of what a folder holds."""
     return console.open_command(str(Path(folder, "normals_camera.png")))
 

@@ -15,6 +15,7 @@ from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
 from lighting.cli.photos import strict_status
 from lighting.files import escape_undecodable, output_folder_error
+from lighting.map_options import Around
 from lighting.scene import EXPORTERS, animated_tools
 
 if TYPE_CHECKING:
@@ -45,13 +46,7 @@ if TYPE_CHECKING:
 @click.option("--for", "tool", type=RegistryChoice(animated_tools), help="Also a scene, its camera with key frames.")
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
-@click.option(
-    "--detail/--no-detail",
-    default=True,
-    help="Show the place in the maps, with detail all around; else sky and ground.  [default: detail]",
-)
-@common.height_option
-@common.adjustment_options
+@common.map_options("height", "sun", "around", "adjustments", without_detail=Around.PLAIN)
 @common.user_input_options
 @common.model_option
 @common.strict_option
@@ -78,12 +73,16 @@ def _video(
     clip's metadata and from DJI's subtitles beside it, unless given here. The exit status is 1 where part of the clip
     has no answer.
     """
+    from lighting.batch.results import PHOTO_SUFFIXES
     from lighting.errors import VideoError
     from lighting.model import Model
     from lighting.video import output as results
 
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
+    console.check_there(clip)
+    if clip.lower().endswith(PHOTO_SUFFIXES):
+        raise click.UsageError(f"{escape_path(clip)} is a photo: try `lighting envmap {shlex.quote(clip)}`.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
     folder = Path(console.choose_folder(clip, output, "-lighting"))
     job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options))
@@ -107,7 +106,7 @@ def _video(
     ctx.exit(1 if result.failed else strict_status(result.lights, strict))
 
 
-def _how_to_open(folder: str, options: "Json") -> str:
+def _how_to_open(folder: str, options: "Json") -> str | None:
     """How to open the best of what a folder holds."""
     if options["film"]:
         return console.open_command(str(Path(folder, "preview.mp4")))

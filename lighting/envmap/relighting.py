@@ -3,7 +3,7 @@
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,15 +12,14 @@ from lighting.color import luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
 from lighting.envmap.render import clear_irradiance, disc_power, sky_irradiance, with_irradiance
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import RANGES, check_range, clip_color, convert_numpy_numbers, describe_fields, round_significant
+from lighting.fields import RANGES, clip_color, round_significant
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
+from lighting.map_options import Adjustments, MapOptions
 from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting
+from lighting.sky import SKY_MODEL
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
 _ANGLE_DIGITS = 6  # behind the point, of rotated angles in degrees; records of estimates have fewer
-
-EXPOSURE_RANGE = (-20.0, 20.0)  # EV, of an adjustment: the range of RANGES["exposure"] by its middle
-_SUN_AZIMUTH_RANGE = (-360.0, 360.0)  # deg, of an adjustment; records have -180 to 180
 
 _MIN_ELEVATION = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
 _HIGH_ELEVATION = 30.0  # deg, of a sun at full strength
@@ -180,72 +179,15 @@ def _model_sky_irradiance(lighting: Lighting) -> Floats:
     return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))
 
 
-@dataclass(frozen=True)
-class Adjustments:
-    """What a user changes of a light by hand, under the same names everywhere. None: as it was.
-
-    Raises ParameterError for a value out of range.
-    """
-
-    sun: tuple[float, float] | None = None
-    """Azimuth, -360 to 360, and elevation, -4.2 to 90, deg."""
-    exposure: float = 0.0
-    """EV, -20 to 20: +1 is twice as bright."""
-    haze: float | None = None
-    """Turbidity, 1 to 10: 2 is very clear, 10 is hazy."""
-    overcast: bool = False
-    """True covers the sky, and no sun shines."""
-
-    def __post_init__(self) -> None:
-        convert_numpy_numbers(self, "sun", "exposure", "haze")
-        if self.sun is not None:
-            if not isinstance(self.sun, tuple) or len(self.sun) != 2:
-                predicate = "must be two numbers: azimuth and elevation."
-                raise ParameterError.about("sun", predicate, ErrorCode.WRONG_TYPE)
-            check_range("sun", self.sun[0], *_SUN_AZIMUTH_RANGE, subject="The sun's azimuth")
-            check_range("sun", self.sun[1], *RANGES["sun_elevation"], subject="The sun's elevation")
-        check_range("exposure", self.exposure, *EXPOSURE_RANGE)
-        if self.haze is not None:
-            check_range("haze", self.haze, *RANGES["turbidity"])
-        if not isinstance(self.overcast, bool):
-            predicate = f"must be True or False, not {reprlib.repr(self.overcast)}."
-            raise ParameterError.about("overcast", predicate, ErrorCode.WRONG_TYPE)
-
-
-describe_fields(Adjustments)
-
-
-def parse_sun(text: str) -> tuple[float, float]:
-    """Read a sun's direction such as "40,25"; its range is checked by `Adjustments`.
+def light_of_map(lighting: Lighting, options: MapOptions) -> Lighting:
+    """The light that a map shows, before it is turned: adjusted by hand, under the sky that was chosen.
 
     Args:
-        text: azimuth and elevation in deg, with a comma between them.
-
-    Raises:
-        ParameterError: for any other text.
+        lighting: before, else ParameterError.
+        options: of the map.
     """
-    try:
-        azimuth, elevation = map(float, text.split(","))
-    except ValueError as error:
-        predicate = f"is AZIMUTH,ELEVATION in degrees, such as 40,25, not {text!r}."
-        raise ParameterError.about("sun", predicate, ErrorCode.MALFORMED) from error
-    return azimuth, elevation
-
-
-def parse_exposure(text: str) -> float:
-    """Read an adjustment of the exposure such as "+0.5" or "-1ev"; its range is checked by `Adjustments`.
-
-    Args:
-        text: a number of EV, with or without the unit.
-
-    Raises:
-        ParameterError: for any other text.
-    """
-    try:
-        return float(text.strip().lower().removesuffix("ev"))
-    except ValueError as error:
-        predicate = f"is a number of EV, such as +0.5, not {text!r}."
-        raise ParameterError.about("exposure", predicate, ErrorCode.MALFORMED) from error
+    light = adjust_lighting(lighting, options.adjustments)
+    return light if options.sky is None else replace(light, sky_model=SKY_MODEL, sky_painted=options.sky)
 
 
 def adjust_lighting(lighting: Lighting, adjustments: Adjustments) -> Lighting:

@@ -13,7 +13,6 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache
-from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +38,8 @@ from lighting.geometry import (
     latlong_directions,
     latlong_solid_angle,
 )
-from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lighting, check_lighting
+from lighting.map_options import check_height
+from lighting.records import GROUND_REFLECTANCE, Lighting, check_lighting
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, Weather, sky_shape
 from lighting.sky.clear_sky import (
     LUX,
@@ -187,18 +187,6 @@ def with_irradiance(lighting: Lighting) -> Lighting:
         sky_irradiance=(float(sky[0]), float(sky[1]), float(sky[2])),
         ground_color=(red, green, blue),
     )
-
-
-def check_height(height: int) -> None:
-    """Raise ParameterError for what is no number of rows of a map.
-
-    Args:
-        height: even, 16 to 4096.
-    """
-    whole = isinstance(height, Integral) and not isinstance(height, bool)
-    if not whole or height % 2 or not MIN_HEIGHT <= height <= MAX_HEIGHT:
-        predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}."
-        raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE if whole else ErrorCode.WRONG_TYPE)
 
 
 def _render_mixed_sky(upper: Image, lighting: Lighting, sky: str, irradiance: Floats) -> None:

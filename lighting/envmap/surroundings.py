@@ -7,9 +7,8 @@ disc is painted last, so there is one sun.
 """
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 
 import numpy as np
@@ -25,26 +24,19 @@ from lighting.envmap.latlong import (
     irradiance_from_rows,
     multiply_cells,
 )
-from lighting.envmap.projection import (
-    CLIPPED,
-    PhotoProjection,
-    photo_camera,
-    project_photo,
-    sample_cells,
-    size_in_envmap,
-)
-from lighting.envmap.render import add_sun, cap_map, check_height, render
+from lighting.envmap.projection import CLIPPED, PhotoProjection, project_photo, sample_cells
+from lighting.envmap.render import add_sun, cap_map, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions, wrap_azimuth
-from lighting.records import EstimatedLight, Lighting, check_estimate, check_lighting
+from lighting.map_options import check_height
+from lighting.records import Lighting, check_lighting
 from lighting.segmentation import Segments
-from lighting.sky import SKY_MODEL
 
 _CELL_ROWS = 24  # of the cells in which the map is changed
 _SAMPLES_PER_CELL = 4  # rows and columns of the bare map that are sampled for each cell
 COARSE_ROWS = _CELL_ROWS * _SAMPLES_PER_CELL  # of a map that light probes are made of: more change hardly any by 1 %
 _CELL_RATIO_RANGE = (0.05, 4.0)  # by which a cell of the bare map may be dimmed or lit
-_FINE_SIDE = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
+FINE_SIDE = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _CONTRAST = 0.7  # power of the network's panorama, whose contrast is too high at places that it has not learnt
 
 _GLOW_DEG = 40.0  # around a sun within which the sky's brightness is the sun's
@@ -76,6 +68,8 @@ class PhotoContext:
     """Whether the map has detail all around."""
     source: detail_library.DetailSource | None = None
     """What its detail is taken from; None: what suits the photo."""
+    first: "PhotoContext | None" = None
+    """The same with the pixels by which its detail is chosen, once for all resolutions; None: these."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "photo", check_pixels(self.photo))
@@ -89,6 +83,12 @@ class PhotoContext:
         for values in coarse:
             values.setflags(write=False)
         return coarse
+
+    @cached_property
+    def own_source(self) -> detail_library.DetailSource:
+        """What its detail is taken from, by the light that the photo shows."""
+        assert self.light is not None
+        return detail_library.choose_source(describe_place(self.light, self))
 
     def gain(self, lighting: Lighting) -> float:
         """The factor that brings photo and panorama to the exposure of a light.
@@ -111,87 +111,25 @@ class PhotoContext:
         return edit_lighting(lighting, {"exposure": self.exposure})
 
 
-def photo_context(
-    estimate: EstimatedLight,
-    photo: NDArray[np.uint8],
-    *,
-    surroundings: bool | None = None,
-    exposure: float | None = None,
-    detail: bool = True,
-) -> PhotoContext | None:
-    """The photo and the predicted surroundings of an estimate; None where the map is to be bare.
-
-    Args:
-        estimate: of the photo.
-        photo: (h, w, 3) sRGB, upright, of any resolution.
-        surroundings: whether the map has them; None: where the network predicted them.
-        exposure: of the light that the photo shows; None: the estimate's.
-        detail: whether the map has detail all around the photo.
-
-    Raises:
-        ParameterError: for what is no EstimatedLight.
-        PhotoError: for what is no photo's pixels.
-    """
-    check_estimate(estimate)
-    if not (estimate.surroundings is not None if surroundings is None else surroundings):
-        return None
-    if exposure is not None:
-        return PhotoContext(photo, estimate.surroundings, exposure, segments=estimate.segments, detail=detail)
-    light = estimate.lighting
-    return PhotoContext(photo, estimate.surroundings, light.exposure, light, estimate.segments, detail)
-
-
-def photo_context_for_height(
-    estimate: EstimatedLight,
-    photo: NDArray[np.uint8],
-    height: int,
-    read_finer: Callable[[int], NDArray[np.uint8]],
-    *,
-    surroundings: bool | None = None,
-    exposure: float | None = None,
-    detail: bool = True,
-) -> PhotoContext | None:
-    """`photo_context` for a map of a certain height, with a finer photo where the map shows more of its pixels.
-
-    Args:
-        estimate: of the photo.
-        photo: (h, w, 3) sRGB, from which the estimate was made.
-        height: rows of the map, even, 16 to 4096.
-        read_finer: reads the photo again, with so many pixels along its longer side. It costs as much as the network.
-        surroundings: whether the map has them; None: where the network predicted them.
-        exposure: of the light that the photo shows; None: the estimate's.
-        detail: whether the map has detail all around the photo.
-    """
-    check_height(height)
-    context = photo_context(estimate, photo, surroundings=surroundings, exposure=exposure, detail=detail)
-    camera = photo_camera(estimate.lighting, photo.shape[1], photo.shape[0])
-    if context is None or max(size_in_envmap(camera, height)) <= max(photo.shape[:2]):
-        return context
-    return replace(context, photo=read_finer(_FINE_SIDE))
-
-
 def render_view(
     lighting: Lighting,
     height: int = 512,
     *,
     sun: bool | None = None,
     yaw: float = 0.0,
-    sky: str | None = None,
     context: PhotoContext | None = None,
     disc: bool = True,
 ) -> tuple[Image, Lighting]:
-    """A map of any sky model, with or without surroundings, rotated, and the lighting rotated with it.
+    """A map with or without surroundings, rotated, and the lighting rotated with it.
 
     Args:
         lighting: of the map before it is rotated.
         height: rows of the map, even, 16 to 4096.
         sun: whether the sun is in it; None: by `Lighting.sun_painted`.
         yaw: deg by which the map is rotated: what was at azimuth a is at a + yaw.
-        sky: one of SKY_MODELS, which paints the sky; None: the record's.
         context: the photo and its surroundings; None: bare sky and ground.
         disc: False leaves the sun's disc for a light of its own.
     """
-    lighting = lighting if sky is None else replace(lighting, sky_model=SKY_MODEL, sky_painted=sky)
     paint = render if context is None else partial(render_with_surroundings, context=context)
     image = paint(lighting, height=height, sun=sun, disc=disc)
     if not yaw:
@@ -284,8 +222,9 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
 
 def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> detail_library.LibraryDetail:
     """The detail of the library for a photo."""
-    source = context.source
-    source = detail_library.choose_source(describe_place(lighting, context)) if source is None else source
+    chosen_by = context.first or context
+    source = context.source or (chosen_by.own_source if chosen_by.light else None)
+    source = source or detail_library.choose_source(describe_place(lighting, context))
     return detail_library.LibraryDetail(source, height)
 
 
@@ -313,7 +252,7 @@ def _render_coarse(lighting: Lighting, context: PhotoContext) -> tuple[Image, Im
 
 def _check_context(thing: object) -> None:
     if not isinstance(thing, PhotoContext):
-        sentence = f"A PhotoContext is needed, not {type(thing).__name__}; photo_context makes one of an estimate."
+        sentence = f"A PhotoContext is needed, not {type(thing).__name__}; an Estimate has one as `context()`."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 

@@ -11,12 +11,13 @@ import re
 import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
-from lighting.errors import EnvironmentMapError, ErrorCode
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
+from lighting.fields import describe_fields
+from lighting.map_options import OptionText, check_option, option, option_texts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,7 +36,7 @@ class _MapFormat:
     """How environment maps are written in one format."""
 
     write: Callable[..., None]
-    """(target, image, lighting); `compression`, `overwrite`, `probe` and `colours` where it takes them."""
+    """(target, image, lighting); `compression`, `overwrite`, `probe` and `colors` where it takes them."""
     media_type: str
     """By which HTTP names it."""
     read: Callable[[bytes], "Image"] | None = None
@@ -91,40 +92,98 @@ MAP_FORMATS: dict[str, _MapFormat] = {  # by the suffix of a file, without its d
 }
 
 
+def _compressions() -> Sequence[str]:
+    from lighting.files.exr import COMPRESSIONS
+
+    return list(COMPRESSIONS)
+
+
+def _color_spaces() -> Sequence[str]:
+    from lighting.color import COLOR_SPACES
+
+    return list(COLOR_SPACES)
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """How an environment map is written. A value that the format does not take is a ParameterError."""
+
+    format: str = option("exr", OptionText("OpenEXR, Radiance HDR, or PNG", "NAME", choices=lambda: list(MAP_FORMATS)))
+    """One of MAP_FORMATS; where a file has a name, its suffix says it."""
+    compression: str = option(
+        "zip", OptionText("how an EXR is packed: zip, pxr24 or none", "NAME", choices=_compressions)
+    )
+    """Of an EXR: zip writes half floats, pxr24 and none 32-bit floats."""
+    colors: str = option(
+        "rec709", OptionText("primaries of an EXR: rec709, acescg or linear-p3", "NAME", choices=_color_spaces)
+    )
+    """Of an EXR, one of `color.COLOR_SPACES`; the record in it stays in Rec.709."""
+
+    def __post_init__(self) -> None:
+        texts = option_texts(FileOptions)
+        check_option("format", self.format, texts["format"])
+        for name, takes in (("compression", "takes_compression"), ("colors", "has_header")):
+            value = getattr(self, name)
+            if isinstance(value, str) and value == getattr(FileOptions, name):
+                continue
+            if not getattr(MAP_FORMATS[self.format], takes):
+                formats = join_words([name for name, entry in MAP_FORMATS.items() if getattr(entry, takes)])
+                raise ParameterError.about(name, f"goes with the format {formats}.", ErrorCode.CONTRADICTION)
+            if name == "compression" and isinstance(value, str):  # whose error says more of one that was
+                from lighting.files.exr import check_exr_compression
+
+                check_exr_compression(value)
+            check_option(name, value, texts[name])
+
+    def for_path(self, path: str | os.PathLike[str]) -> Self:
+        """Return the options with the format that a path's suffix names.
+
+        Args:
+            path: of a map.
+
+        Raises:
+            EnvironmentMapError: the suffix is not an environment map's.
+            ParameterError: the format does not take the options.
+        """
+        return replace(self, format=check_map_name(path))
+
+
+describe_fields(FileOptions)
+DEFAULT_FILE = FileOptions()
+
+
 def write_envmap(
     target: str | os.PathLike[str],
     image: "Floats",
     lighting: "Lighting | None" = None,
+    options: FileOptions = DEFAULT_FILE,
     *,
-    compression: str = "zip",
     probe: "LightProbe | None" = None,
-    colours: str = "rec709",
     overwrite: bool = False,
 ) -> None:
     """Write a map to a path in the format of its suffix. The path appears only when the file is whole.
-
-    Raises EnvironmentMapError for another suffix or shape and for a path that cannot be written.
 
     Args:
         target: path whose suffix is one of MAP_FORMATS.
         image: (H, 2H, 3) linear Rec.709.
         lighting: for the header of an EXR; None: without.
-        compression: of an EXR, one of COMPRESSIONS; the others have none.
+        options: how the file is written.
         probe: the map's, for the header of an EXR; None: without.
-        colours: of an EXR, one of `color.COLOR_SPACES`; the others are Rec.709's.
         overwrite: whether an EXR may use the image's memory; the image is then worthless.
+
+    Raises:
+        EnvironmentMapError: another suffix or shape, or a path that cannot be written.
+        ParameterError: the format does not take the options.
     """
-    _writer_of(check_map_name(target), compression, probe, colours, overwrite)(target, image, lighting)
+    _write_map(target, image, lighting, options.for_path(target), probe, overwrite=overwrite)
 
 
 def encode_envmap(
     image: "Floats",
     lighting: "Lighting | None" = None,
-    format: str = "exr",
+    options: FileOptions = DEFAULT_FILE,
     *,
-    compression: str = "zip",
     probe: "LightProbe | None" = None,
-    colours: str = "rec709",
     overwrite: bool = False,
 ) -> bytes:
     """The bytes of a file that holds a map; raises as `write_envmap`.
@@ -132,15 +191,28 @@ def encode_envmap(
     Args:
         image: (H, 2H, 3) linear Rec.709.
         lighting: for the header of an EXR; None: without.
-        format: one of MAP_FORMATS.
-        compression: of an EXR, one of COMPRESSIONS; the others have none.
+        options: how the file is written.
         probe: the map's, for the header of an EXR; None: without.
-        colours: of an EXR, one of `color.COLOR_SPACES`; the others are Rec.709's.
         overwrite: whether an EXR may use the image's memory; the image is then worthless.
     """
     buffer = io.BytesIO()
-    _writer_of(format, compression, probe, colours, overwrite)(buffer, image, lighting)
+    _write_map(buffer, image, lighting, options, probe, overwrite=overwrite)
     return buffer.getvalue()
+
+
+def _write_map(
+    target: "WriteTarget",
+    image: "Floats",
+    lighting: "Lighting | None",
+    options: FileOptions,
+    probe: "LightProbe | None",
+    *,
+    overwrite: bool,
+) -> None:
+    entry = MAP_FORMATS[options.format]
+    packed = {"compression": options.compression, "overwrite": overwrite} if entry.takes_compression else {}
+    headed = {"probe": probe, "colors": options.colors} if entry.has_header else {}
+    entry.write(target, image, lighting, **packed, **headed)
 
 
 def check_map_name(path: str | os.PathLike[str]) -> str:
@@ -162,20 +234,6 @@ def check_map_name(path: str | os.PathLike[str]) -> str:
         suffixes = join_words([f".{name}" for name in MAP_FORMATS])
         raise EnvironmentMapError(f"The name {os.fspath(path)!r} must end in {suffixes}.")
     return suffix
-
-
-def _writer_of(
-    name: str, compression: str, probe: "LightProbe | None", colours: str, overwrite: bool
-) -> Callable[..., None]:
-    if name not in MAP_FORMATS:
-        raise EnvironmentMapError(
-            f"The format {name!r} is not known; an environment map is {join_words(list(MAP_FORMATS))}."
-        )
-    entry = MAP_FORMATS[name]
-    if colours != "rec709" and not entry.has_header:
-        raise EnvironmentMapError(f"The colours {colours} need an .exr file.", "colours", ErrorCode.CONTRADICTION)
-    options = {"compression": compression, "overwrite": overwrite} if entry.takes_compression else {}
-    return partial(entry.write, **options, **({"probe": probe, "colours": colours} if entry.has_header else {}))
 
 
 def join_words(words: Sequence[str], link: str = "or") -> str:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from lighting import __version__
 from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709
-from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.files import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
@@ -255,8 +255,9 @@ def write_exr(
     *,
     compression: str = "zip",
     probe: "LightProbe | None" = None,
-    colours: str = "rec709",
+    colors: str = "rec709",
     overwrite: bool = False,
+    colours: str | None = None,
 ) -> None:
     """Write a map to a path or a binary stream.
 
@@ -271,8 +272,9 @@ def write_exr(
         compression: zip, pxr24 or none. `zip` changes a value by up to 5e-4 of itself, amid texture by 0.02. It changes
             the light by less than 1e-3. `pxr24` changes a value by 1.6e-5, `none` by nothing.
         probe: the map's light probe, for the header; None: without.
-        colours: primaries of the file: rec709, acescg or linear-p3. Lighting and probe stay in Rec.709.
+        colors: primaries of the file: rec709, acescg or linear-p3. Lighting and probe stay in Rec.709.
         overwrite: whether the image's memory may be used; large maps then need less, and the image is worthless.
+        colours: the old name of `colors`; warns of it.
 
     Raises:
         EnvironmentMapError: the map has another shape, OpenEXR does not know an attribute, or the target cannot be
@@ -284,9 +286,12 @@ def write_exr(
             f"The attributes of an EXR have names, which {type(attributes).__name__} has not.",
             code=ErrorCode.WRONG_TYPE,
         )
-    chromaticities, interop_id = _color_space(colours)
+    if colours is not None:
+        warn_of_old_name("lighting.write_exr.colours")
+        colors = colours
+    chromaticities, interop_id = _color_space(colors)
     packing, pixels = _prepare_compression(
-        _convert_colors(check_envmap(image), colours), compression, overwrite=overwrite
+        _convert_colors(check_envmap(image), colors), compression, overwrite=overwrite
     )
     header = {
         "compression": packing,
@@ -439,8 +444,8 @@ def _try_attributes(header: Mapping[str, Any]) -> None:
 def _color_space(name: str) -> tuple[tuple[float, ...], str]:
     """Chromaticities and interoperable name of a space; EnvironmentMapError for another than COLOR_SPACES."""
     if name not in COLOR_SPACES:
-        sentence = f"The colours {name!r} are not known; they must be one of {', '.join(COLOR_SPACES)}."
-        raise EnvironmentMapError(sentence, "colours", ErrorCode.UNKNOWN)
+        sentence = f"The colors {name!r} are not known; they must be one of {', '.join(COLOR_SPACES)}."
+        raise EnvironmentMapError(sentence, "colors", ErrorCode.UNKNOWN)
     return COLOR_SPACES[name]
 
 

@@ -9,6 +9,7 @@ References:
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,13 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines
-from lighting.decoding import correct_sun_color, lighting_from_prediction
+from lighting.decoding import (
+    correct_sun_color,
+    doubts_sun,
+    lighting_from_prediction,
+    with_dappled_sun,
+    with_ground_color,
+)
+from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, share_sky_color, snow_gain
+from lighting.envmap.relighting import scale_exposure
+from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.fields import clip_to_range, round_significant
 from lighting.fusion.instants import Instant, resolve_hemisphere
-from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input
-from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
+from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_single
+from lighting.fusion.single_view import Observations, Posterior, fuse_single_view, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import angles
+from lighting.ground import describe_ground
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import is_blank, is_panorama
 from lighting.photo.reader import Photo
@@ -271,3 +282,55 @@ def _choose_lens(metadata: PhotoMetadata, pixel_fov: float) -> tuple[PhotoMetada
 
 def _tangent(fov: float) -> float:
     return math.tan(math.radians(fov) / 2)
+
+
+# From a prediction to the answer.
+
+
+def estimate_light(photo: Photo, predicted: PhotoPrediction, user_input: UserInput = NO_USER_INPUT) -> EstimatedLight:
+    """Estimate a photo's light from what the network says of it, its metadata and what the user states.
+
+    Args:
+        photo: as `lighting.read_photo` returns it.
+        predicted: by `refine_prediction`, of this photo and this input.
+        user_input: what the user states of the photo.
+
+    Raises:
+        ParameterError: the user's time and place are of night.
+    """
+    prior = observations_single(predicted.metadata, user_input)
+    observed = replace(prior, warnings=(*photo.warnings, *predicted.warnings, *prior.warnings))
+    posterior = fuse_single_view(predicted.prediction, observed.observations, photo.pixels)
+    estimate = build_estimate(posterior, observed)
+    estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial)
+    return apply_photo_colors([photo], [estimate])[0]
+
+
+def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLight]) -> list[EstimatedLight]:
+    """Give estimates of photos under one sky the colors that the photos show, where irradiances are known.
+
+    The sky has one color in all of them, the geometric mean; each photo shows its own ground. The
+    ground of a single photo also says how strong its light is.
+
+    Args:
+        photos: one or more.
+        estimates: one a photo.
+    """
+    lights = [estimate.lighting for estimate in estimates]
+    around = [estimate.surroundings for estimate in estimates]
+    each = zip(photos, estimates, strict=True)
+    samples = [PhotoSamples.of_photo(p.pixels, e.lighting, e.segments) for p, e in each]
+    if len(photos) == 1:
+        lights = [_with_ground_light(photos[0], samples[0], lights[0])]
+    lights = share_sky_color(samples, lights)
+    lights = list(map(with_ground_color, lights, map(estimate_ground_albedo, samples, lights, around)))
+    return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
+
+
+def _with_ground_light(photo: Photo, samples: PhotoSamples, light: Lighting) -> Lighting:
+    """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
+    if doubts_sun(light) and (dapple := dappled_sunlight(photo.pixels, light)) is not None:
+        light = with_dappled_sun(light, *dapple)
+    if (gain := snow_gain(samples, light)) == 1:
+        return light
+    return scale_exposure(light, np.full(3, gain))

@@ -104,6 +104,24 @@ class PhotoOrigin:
         """Of the file; None where the photo came as bytes."""
         return self.data.name if isinstance(self.data, Path) else None
 
+    def read(self, target: int) -> "Photo":
+        """Read the photo again.
+
+        Args:
+            target: pixels that the longer side keeps at least if it has them.
+
+        Raises:
+            PhotoError: its file has changed since.
+            OSError: its file cannot be opened any more.
+        """
+        self.check_unchanged()
+        return read_photo(self.data, max_bytes=self.max_bytes, max_pixels=self.max_pixels, target=target, sidecar={})
+
+    def check_unchanged(self) -> None:
+        """Raise PhotoError where the file has changed since, OSError where it cannot be opened any more."""
+        if isinstance(self.data, Path) and modified(self.data) != self.modified:
+            raise PhotoError(f"{self.data} has changed since it was read.")
+
 
 @dataclass(frozen=True, eq=False)
 class Photo:
@@ -125,8 +143,20 @@ class Photo:
     """Whether the picture shows several photos."""
     warnings: tuple[str, ...] = ()
     """Sentences about the picture's border."""
-    source: "PhotoOrigin | None" = field(default=None, repr=False)
+    source: PhotoOrigin | None = field(default=None, repr=False)
     """Where more pixels are. None: these are all."""
+
+    def reread(self, side: int) -> "Photo":
+        """Return the photo with more of its pixels, read again from where it came; itself where it came as pixels.
+
+        Args:
+            side: pixels that the longer side keeps at least if it has them.
+
+        Raises:
+            PhotoError: its file has changed since.
+            OSError: its file cannot be opened any more.
+        """
+        return self if self.source is None else self.source.read(side)
 
     @property
     def facts(self) -> PhotoMetadata:
@@ -183,7 +213,7 @@ def read_photo(
         code = ErrorCode.OUT_OF_RANGE if isinstance(target, Integral) else ErrorCode.WRONG_TYPE
         raise ParameterError.about("target", predicate, code)
     file = Path(source).absolute() if isinstance(source, str | os.PathLike) and Path(source).is_file() else None
-    modified = _modified(file) if file else None
+    changed = modified(file) if file else None
     data = read_bytes(source, max_bytes)
     try:
         with _WARNING_FILTERS, warnings.catch_warnings(action="ignore"):
@@ -215,32 +245,17 @@ def read_photo(
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     photo = _without_border(Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format)))
     metadata = read_metadata(tags, photo.width, photo.height, sidecar, is_inside=photo.crop is not None)
-    return replace(photo, metadata=metadata, source=PhotoOrigin(file or data, modified, max_bytes, max_pixels))
+    return replace(photo, metadata=metadata, source=PhotoOrigin(file or data, changed, max_bytes, max_pixels))
 
 
-def _modified(file: Path) -> tuple[int, int]:
-    """Size and time of the last change."""
-    status = file.stat()
-    return status.st_size, status.st_mtime_ns
-
-
-def reread_photo(photo: Photo, target: int) -> Photo:
-    """The photo with more of its pixels, read again from where it came; itself where it came as pixels.
+def modified(file: Path) -> tuple[int, int]:
+    """Return a file's size in bytes and the time of its last change in ns.
 
     Args:
-        photo: as `read_photo` or `photo_from_array` returns it.
-        target: pixels that the longer side keeps at least if it has them.
-
-    Raises:
-        PhotoError: its file has changed since.
-        OSError: its file cannot be opened any more.
+        file: of a photo.
     """
-    origin = photo.source
-    if origin is None:
-        return photo
-    if isinstance(origin.data, Path) and _modified(origin.data) != origin.modified:
-        raise PhotoError(f"{origin.data} has changed since it was read.")
-    return read_photo(origin.data, max_bytes=origin.max_bytes, max_pixels=origin.max_pixels, target=target, sidecar={})
+    status = file.stat()
+    return status.st_size, status.st_mtime_ns
 
 
 def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:

@@ -18,7 +18,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from datetime import datetime
 from enum import Enum
 from importlib import import_module
@@ -33,9 +33,21 @@ import lighting.runtime as runtime
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS
-from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, PhotoCrop, memory_budget, read_bytes, read_photo
+from lighting.photo.reader import (
+    MAX_BYTES,
+    MAX_PIXELS,
+    TARGET,
+    Photo,
+    PhotoCrop,
+    PhotoOrigin,
+    memory_budget,
+    modified,
+    read_bytes,
+    read_photo,
+)
 from lighting.photo.tags import read_sidecar
 from lighting.records import CodedWarning, Json, WarningCode, warning_code
+from lighting.tracing import trace_step
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -106,14 +118,30 @@ def read_photo_isolated(
         seconds: that reading may take.
         sidecar: what `read_sidecar` returned; None: look beside a path.
     """
-    if not isinstance(source, bytes):
-        _check_file(Path(source))
+    file = None if isinstance(source, bytes) else Path(source).absolute()
+    if file is not None:
+        _check_file(file)
+    changed = modified(file) if file is not None and file.is_file() else None
     data = read_bytes(source, max_bytes)
     if sidecar is None:
         sidecar = {} if isinstance(source, bytes) else read_sidecar(source)
     request = _DecodeRequest(len(data), max_bytes, max_pixels, target, seconds, tuple(sidecar.items()))
-    with _borrow_decoder() as decoder:
-        return decoder.read(request, data)
+    with trace_step("decode"), _borrow_decoder() as decoder:
+        photo = decoder.read(request, data)
+    return replace(photo, source=_IsolatedOrigin(file or data, changed, max_bytes, max_pixels, seconds))
+
+
+@dataclass(frozen=True, eq=False)
+class _IsolatedOrigin(PhotoOrigin):
+    """Where a photo was read from by another process, and is again."""
+
+    seconds: float
+    """That reading may take."""
+
+    def read(self, target: int) -> Photo:
+        self.check_unchanged()
+        limits = {"max_bytes": self.max_bytes, "max_pixels": self.max_pixels}
+        return read_photo_isolated(self.data, **limits, target=target, seconds=self.seconds, sidecar={})
 
 
 def _check_file(path: Path) -> None:

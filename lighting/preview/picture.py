@@ -1,7 +1,7 @@
 """The preview: a picture of a photo's light, with the photo, the sky, the map, three spheres, and all in words."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from textwrap import wrap
 
 import numpy as np
@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
-from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.surroundings import photo_context, render_view
 from lighting.fields import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.files import encode_png
 from lighting.files.exr import check_envmap
@@ -44,7 +42,6 @@ from lighting.records import MIN_SUITABLE, EstimatedLight, Lighting, SunDistribu
 from lighting.segmentation import Segments
 from lighting.sun_grid import grid_directions
 
-MAP_HEIGHT = 512  # rows of the environment map
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
 _PNG_LEVEL = 2  # a third of the work of 6, for a ninth more bytes
@@ -105,55 +102,34 @@ def encode_preview_png(picture: NDArray[np.uint8]) -> bytes:
     return encode_png(picture, compress_level=_PNG_LEVEL)
 
 
+def expose_photo(photo: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:
+    """Return a photo (H, W, 3) sRGB whose linear values are multiplied.
+
+    Args:
+        photo: (H, W, 3) sRGB.
+        gain: 0 or more.
+    """
+    return photo if gain == 1 else srgb_bytes(SRGB_LINEAR[photo] * np.float32(gain))
+
+
 def draw_preview_pixels(
-    photo: NDArray[np.uint8],
-    estimate: EstimatedLight,
-    *,
-    surroundings: bool | None = None,
-    detail: bool = True,
-    lighting: Lighting | None = None,
-    sun: bool | None = None,
+    photo: NDArray[np.uint8], estimate: EstimatedLight, envmap: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
     """The picture of a photo and its light, as sRGB pixels (H, 1600, 3).
 
     Args:
-        photo: (H, W, 3) sRGB, upright.
+        photo: (H, W, 3) sRGB, upright, at the exposure of the light.
         estimate: the photo's light.
-        surroundings: whether the map shows the place; None where the network predicted it.
-        detail: whether the map then has detail all around the photo.
-        lighting: the light as it was changed by hand, which is shown; None: the estimate's.
-        sun: whether the sun is in the map; None: by `Lighting.sun_painted`.
+        envmap: (H, 2H, 3), the light's own map in the photo's linear values, with or without the sun's disc.
 
     Raises:
         ParameterError: `estimate` is no EstimatedLight.
         PhotoError: `photo` is no photo's pixels.
-    """
-    check_estimate(estimate)
-    shown = estimate if lighting is None else replace(estimate, lighting=lighting)
-    context = photo_context(estimate, photo, surroundings=surroundings, detail=detail)
-    gain = shown.lighting.exposure / max(estimate.lighting.exposure, EPSILON_IRRADIANCE)
-    envmap, _ = render_view(shown.lighting, MAP_HEIGHT, sun=sun, context=context)
-    return _draw_preview(_expose(photo, gain), shown, envmap)
-
-
-def _expose(photo: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:
-    """A photo (H, W, 3) sRGB whose linear values are multiplied."""
-    return photo if gain == 1 else srgb_bytes(SRGB_LINEAR[photo] * np.float32(gain))
-
-
-def _draw_preview(
-    photo: NDArray[np.uint8], estimate: EstimatedLight, envmap: NDArray[np.float32] | None = None
-) -> NDArray[np.uint8]:
-    """The same as sRGB pixels (H, 1600, 3).
-
-    `envmap` (H, 2H, 3) is the light's own map in the photo's linear values, with or without the sun's disc; by default
-    it is rendered here. The errors are those of `draw_preview_pixels`, and EnvironmentMapError for what is no map.
+        EnvironmentMapError: `envmap` is none.
     """
     check_estimate(estimate)
     photo = check_pixels(photo)
     lighting = estimate.lighting
-    if envmap is None:
-        envmap, _ = render_view(lighting, MAP_HEIGHT, context=photo_context(estimate, photo))
     envmap = check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
     plan = _lay_out(aspect, len(numbers), len(_warning_lines(lighting)))

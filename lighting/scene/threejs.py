@@ -9,7 +9,7 @@ from base64 import b64encode
 
 from lighting.color import color_and_intensity
 from lighting.envmap.relighting import rotate_envmap
-from lighting.files import encode_envmap
+from lighting.files import FileOptions, encode_envmap
 from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import (
@@ -66,7 +66,9 @@ def _description(scene: Scene) -> Json:
         "plate": _png_url(encode_plate(scene)),
         "litGround": _png_url(encode_lit_ground(scene, movable=True)),
         "ground": _png_url(encode_ground_mask(scene)),
-        "environment": b64encode(encode_envmap(rotate_envmap(scene.environment, _YAW), format="hdr")).decode(),
+        "environment": b64encode(
+            encode_envmap(rotate_envmap(scene.environment, _YAW), options=FileOptions("hdr"))
+        ).decode(),
         "lighting": record_with_coefficients(scene.lighting, scene.light_probe),
     }
 

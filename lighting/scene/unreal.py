@@ -14,7 +14,7 @@ import json
 import numpy as np
 
 from lighting.color import color_and_intensity, srgb_bytes
-from lighting.files import encode_envmap
+from lighting.files import FileOptions, encode_envmap
 from lighting.geometry import Floats
 from lighting.records import Json
 from lighting.scene import PLATE, records
@@ -36,7 +36,7 @@ def write_unreal(scene: records.Scene, folder: Folder) -> None:
         folder: where the files go.
     """
     write_shared_files(scene, folder)
-    (folder / SKY).write_bytes(encode_envmap(scene.environment, format="hdr"))
+    (folder / SKY).write_bytes(encode_envmap(scene.environment, options=FileOptions("hdr")))
     albedo, emission = encode_projected_ground(scene)
     (folder / ALBEDO).write_bytes(albedo)
     (folder / EMISSION).write_bytes(emission)

@@ -299,13 +299,19 @@ def _display_size(picture: Any, aspect: float) -> tuple[int, int]:
     return (height, width) if _swaps_axes(_display_matrix(picture)) else (width, height)
 
 
-def _upright_pixels(picture: Any, side: int, aspect: float = 1.0) -> NDArray[np.uint8]:
-    """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
+def _upright_pixels(picture: Any, context: Any, side: int, aspect: float = 1.0) -> NDArray[np.uint8]:
+    """sRGB (h, w, 3) of a picture that a codec's context decoded, its longer side at most `side` pixels."""
     width, height = max(1, round(picture.width * aspect)), picture.height
-    curve = TRANSFER_CURVES.get(int(picture.color_trc))
+    curve, primaries = _curve_and_primaries(picture, context)
     pixels = _resize_picture(picture, *shrink_size(width, height, side), "rgb24" if curve is None else "rgb48le")
-    pixels = pixels if curve is None else _to_srgb(pixels, curve, int(picture.color_primaries))
+    pixels = pixels if curve is None else _to_srgb(pixels, curve, primaries)
     return _apply_display_matrix(pixels, _display_matrix(picture))
+
+
+def _curve_and_primaries(picture: Any, context: Any) -> tuple[Curve | None, int]:
+    """The curve of a picture, None for sRGB, and the number of its primaries; PyAV 14 to 16 has them of the codec."""
+    source = picture if hasattr(picture, "color_trc") else context
+    return TRANSFER_CURVES.get(int(source.color_trc)), int(source.color_primaries)
 
 
 def _display_matrix(picture: Any) -> NDArray[np.int32]:
@@ -332,8 +338,9 @@ def _apply_display_matrix(pixels: NDArray[np.uint8], matrix: NDArray[np.int32]) 
 def _resize_picture(picture: Any, width: int, height: int, pixel_format: str) -> NDArray[Any]:
     matrix = int(picture.colorspace)
     color_matrix = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _MIN_HD_HEIGHT else 5
+    rgb_matrix = 1 if color_matrix == 5 else 5  # means nothing, but PyAV 14 to 16 reads the first where both differ
     scaling = _SCALING[pixel_format]
-    resized = picture.reformat(width, height, pixel_format, color_matrix, color_matrix, interpolation=scaling)
+    resized = picture.reformat(width, height, pixel_format, color_matrix, rgb_matrix, interpolation=scaling)
     return np.asarray(resized.to_ndarray())
 
 
@@ -353,6 +360,7 @@ _FORMATS = (  # FFmpeg's names of what is read: each keeps all it shows in its o
     *("aac", "aiff", "amr", "flac", "mp3", "wav"),  # to say that they hold only sound
 )
 _DECODER_OPTIONS = {"max_pixels": str(MAX_CLIP_PIXELS)}
+_NO_METADATA_ERRORS = 19  # the first release of PyAV that takes no `metadata_errors`
 _PLAYLIST_SUFFIXES = (".m3u8", ".m3u", ".ffconcat", ".mpd", ".ism", ".sdp", ".pls", ".asx", ".xspf", ".smil")
 _PLAYLIST_START = re.compile(rb"(\xef\xbb\xbf)?\s*(#EXTM3U|ffconcat|\[playlist\]|v=0\s|<[?a-z])", re.IGNORECASE)
 
@@ -404,6 +412,7 @@ class Clip:
             aspect = float(self._stream.sample_aspect_ratio or 1.0)
             self._aspect = aspect if 0.1 < aspect < 10.0 else 1.0  # how many times as wide as high a pixel is
             self._errors = 0  # packets that could not be decoded
+            self._packet_ticks = 0  # duration of the last packet, in the stream's time base
             self._pictures = self._decode()
             self._first = self._decoded_first()
             self.info = self._describe()
@@ -437,10 +446,10 @@ class Clip:
             if not last < time < _MAX_TIME or picture.is_corrupt:
                 lost += 1
                 continue
-            last, end = time, time + _picture_duration(picture)
+            last, end = time, time + _picture_duration(picture, self._packet_ticks)
             if only is None or index in only:
                 with trace_step("decode"):
-                    pixels = _upright_pixels(picture, self.side, self._aspect)
+                    pixels = _upright_pixels(picture, self._stream.codec_context, self.side, self._aspect)
                 yield Frame(index, time, pixels)
         self._note_damage(end, lost)
 
@@ -486,18 +495,19 @@ class Clip:
                 return
             if packet is None:
                 return
+            self._packet_ticks = packet.duration or self._packet_ticks
             try:
                 yield from packet.decode()
-            except av.FFmpegError:
+            except (av.FFmpegError, ValueError):  # a codec that FFmpeg could not open is none that PyAV 19 knows
                 self._errors += 1
 
     def _describe(self) -> _ClipInfo:
         stream, first = self._stream, self._first
         width, height = _display_size(first, self._aspect)
-        tags = {**stream.metadata, **self._container.metadata}
+        tags = {**_readable(stream.metadata), **_readable(self._container.metadata)}
         subtitled, gimbal = _subtitle_metadata(_read_subtitles(self.path), width, height)
         metadata = _merge_metadata(subtitled, _container_metadata(tags, width, height))
-        rate, curve = float(stream.average_rate or 0.0), TRANSFER_CURVES.get(int(first.color_trc), "srgb")
+        rate, curve = float(stream.average_rate or 0.0), _curve_and_primaries(first, stream.codec_context)[0] or "srgb"
         duration = _clip_duration(self._container, stream, float(first.time or 0.0))
         return _ClipInfo(width, height, rate, duration, curve, metadata, gimbal)
 
@@ -519,9 +529,16 @@ def _open_container(path: Path) -> Any:
     _check_file(path)
     options = {"protocol_whitelist": "file", "format_whitelist": ",".join(_FORMATS), **_DECODER_OPTIONS}
     try:
-        return av.open(local_address(path), options=options, metadata_errors="replace")
+        if int(av.__version__.split(".")[0]) < _NO_METADATA_ERRORS:
+            return av.open(local_address(path), options=options, metadata_errors="replace")
+        return av.open(local_address(path), options=options)
     except (av.FFmpegError, ValueError) as error:
         raise VideoError("The file is not a clip that can be read, or it is damaged or cut short.") from error
+
+
+def _readable(tags: Mapping[str, str]) -> dict[str, str]:
+    """Tags in which what is no UTF-8, which PyAV 19 leaves as lone surrogates, is replaced as by older ones."""
+    return {name: value.encode("utf-8", "surrogateescape").decode("utf-8", "replace") for name, value in tags.items()}
 
 
 def _check_file(path: Path) -> None:
@@ -559,9 +576,9 @@ def _clip_duration(container: Any, stream: Any, start: float) -> float:
     return (container.duration or 0) / 1e6 if len(container.streams) == 1 else 0.0  # sound may last longer
 
 
-def _picture_duration(picture: Any) -> float:
-    """Seconds that a picture says it is shown; 0 unknown."""
-    return float(picture.duration * picture.time_base) if picture.duration and picture.time_base else 0.0
+def _picture_duration(picture: Any, packet_ticks: int) -> float:
+    """Seconds that a picture is shown; 0 unknown. PyAV 14 knows the last packet's duration alone."""
+    return float(getattr(picture, "duration", packet_ticks) * (picture.time_base or 0))
 
 
 def _check_pixel_count(width: int, height: int) -> None:

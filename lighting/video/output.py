@@ -32,7 +32,7 @@ from PIL import Image as Picture
 
 from lighting.color import luminance
 from lighting.envmap.latlong import Image
-from lighting.envmap.relighting import Adjustments, radiance_gain, rotate_envmap, rotate_lighting, scale_exposure
+from lighting.envmap.relighting import radiance_gain, rotate_envmap, rotate_lighting, scale_exposure
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
@@ -40,7 +40,8 @@ from lighting.files import atomic_write, encode_png, escape_undecodable, write_e
 from lighting.files.exr import read_exr_attributes
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
-from lighting.light_probe import LightProbe, compute_light_probe
+from lighting.light_probe import compute_light_probe
+from lighting.map_options import DEFAULT_MAP, Around, MapOptions
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
 from lighting.preview.drawing import (
@@ -56,6 +57,7 @@ from lighting.preview.drawing import (
 )
 from lighting.preview.spheres import render_spheres
 from lighting.records import Lighting
+from lighting.rendered_map import RenderedMap, render_map
 from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
@@ -262,11 +264,12 @@ class _ViewReader:
         if self._clip is not None:
             self._clip.__exit__(kind, error, traceback)
 
-    def read(self, shot: Shot) -> PhotoContext | None:
+    def read(self, shot: Shot, *, detail: bool) -> PhotoContext | None:
         """Return what the maps of a shot show of the place; None where they show sky and ground alone.
 
         Args:
             shot: one that comes after those of the calls before.
+            detail: whether they have detail all around.
 
         Raises:
             VideoError: the clip cannot be read any more.
@@ -279,10 +282,10 @@ class _ViewReader:
             self._frames = self._clip.frames(self._wanted)
         self._wanted.add(int(shot.frames[shot.view.index]))
         frame = next(self._frames, None)
-        return None if frame is None else _view_context(shot, frame.pixels, self._model)
+        return None if frame is None else _view_context(shot, frame.pixels, self._model, detail=detail)
 
 
-def _view_context(shot: Shot, pixels: NDArray[np.uint8], model: Model) -> PhotoContext | None:
+def _view_context(shot: Shot, pixels: NDArray[np.uint8], model: Model, *, detail: bool) -> PhotoContext | None:
     """The surroundings by the pixels (h, w, 3) sRGB of the frame that a shot's maps show."""
     if shot.view is None:
         return None
@@ -291,7 +294,7 @@ def _view_context(shot: Shot, pixels: NDArray[np.uint8], model: Model) -> PhotoC
     photo = photo_from_array(pixels)
     with trace_step("network"):
         segments = photo_segments(model.predict_one(photo).segments, photo.width, photo.height)
-    return PhotoContext(pixels, shot.view.coarse_panorama, light.exposure, light, segments, detail=True)
+    return PhotoContext(pixels, shot.view.coarse_panorama, light.exposure, light, segments, detail=detail)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,10 +305,8 @@ class _ShotMap:
     """A solved one."""
     context: PhotoContext | None = None
     """Of `_ViewReader`; None: sky and ground alone."""
-    adjustments: Adjustments | None = None
-    """Of the light by hand, as the shot's first camera sees it; None: none."""
-    sun: bool | None = None
-    """Whether the sun is in the maps; None where it likely shines."""
+    view: MapOptions = DEFAULT_MAP
+    """Of OutputOptions."""
 
     @property
     def heading(self) -> float:
@@ -316,26 +317,28 @@ class _ShotMap:
     def _index(self) -> int | None:
         return None if self.shot.view is None else self.shot.view.index
 
-    def render_world(self, height: int) -> tuple[Image, Lighting, LightProbe]:
-        """Render the map with true north at its center, or else the first frame's heading.
+    def render_world(self) -> RenderedMap:
+        """Render the map with true north at its center, or else the first frame's heading, and the light so."""
+        light = self.light
+        north = light.camera_heading or 0.0
+        yaw = float(wrap_azimuth(north + self.heading))
+        rendered = render_map(self._light_seen(), replace(self._bare_view, yaw=yaw), self.context)
+        return replace(rendered, lighting=rotate_lighting(light, north) if north else light)
 
-        Args:
-            height: H, rows of the map.
+    @property
+    def light(self) -> Lighting:
+        """The shot's light as the user adjusts it, for its first camera."""
+        return shot_lighting(self.shot, self.view.adjustments)
 
-        Returns:
-            The map (H, 2H, 3), linear Rec.709, the light that it shows, and that light's probe.
-        """
-        light = shot_lighting(self.shot, self.adjustments)
-        north, seen = light.camera_heading or 0.0, self._light_seen()
-        yaw = north + self.heading
-        image, _ = render_view(seen, height, sun=self.sun, yaw=yaw, context=self.context)
-        probe = compute_light_probe(seen, self.context, sun=self.sun, yaw=yaw)
-        return image, rotate_lighting(light, north) if north else light, probe
+    @property
+    def _bare_view(self) -> MapOptions:
+        """The view of a light that is adjusted already."""
+        return replace(self.view, adjustments=DEFAULT_MAP.adjustments)
 
     def compute_harmonics(self) -> Floats:
         """Return the light probe's coefficients (9, 3) as the first frame's camera sees light and place."""
         seen = self._light_seen()
-        return compute_light_probe(seen, self.context, sun=self.sun, yaw=self.heading).coefficients
+        return compute_light_probe(seen, self.context, sun=self.view.sun, yaw=self.heading).coefficients
 
     def render_sky(self, height: int) -> Image:
         """Render the map (H, 2H, 3) as the camera at `heading` sees it, without the sun's disc.
@@ -343,7 +346,7 @@ class _ShotMap:
         Args:
             height: H, rows of the map.
         """
-        return render_view(self._light_seen(), height, sun=self.sun, context=self.context, disc=False)[0]
+        return render_view(self._light_seen(), height, sun=self.view.sun, context=self.context, disc=False)[0]
 
     def turn_to_frame(self, sky: Image, frame: FrameLight) -> Image:
         """Return the map (H, 2H, 3) of one frame.
@@ -356,13 +359,13 @@ class _ShotMap:
         gain = np.asarray(radiance_gain(light, np.array(frame.gain)), dtype=np.float32)
         image = rotate_envmap(sky, self.heading - (light.relative_heading or 0.0)) * gain
         cap_map(image, light)
-        if light.sun_painted if self.sun is None else self.sun:
+        if light.sun_painted if self.view.sun is None else self.view.sun:
             add_sun(image, light)
         return image
 
     def _light_seen(self) -> Lighting:
         """The light as the camera at `heading` sees it."""
-        light = shot_lighting(self.shot, self.adjustments)
+        light = self.light
         if self.context is None or self._index is None:
             return light
         return lighting_in_frame(self.shot, self._index, light)
@@ -410,20 +413,14 @@ MAX_PLATE_SIDE = 3840  # pixels that a scene's plate has along its longer side a
 class OutputOptions:
     """What to write beside the records."""
 
-    height: int = 512
-    """Rows of the maps."""
-    sun: bool | None = None
-    """Whether their sun's disc is painted; None where it likely shines."""
+    view: MapOptions = DEFAULT_MAP
+    """Of the maps: height, sun, what is around, and adjustments as the shot's first camera sees the light."""
     tool: str | None = None
     """One of `animated_tools`."""
     frames_exr: bool = False
     """A map a frame."""
     film: bool = False
     """Whether the clip is drawn with its light."""
-    adjustments: Adjustments | None = None
-    """Of the light by hand, as the shot's first camera sees it; None: none."""
-    detail: bool = True
-    """Whether the maps show the place, with detail all around; else sky and ground alone."""
 
 
 @dataclass
@@ -524,15 +521,12 @@ def _write_shot(
     if isinstance(shot, VideoError):
         lines.write(json.dumps({"file": name, "shot": number, "error": escape_undecodable(str(shot))}) + "\n")
         return []
-    options = job.options
-    shot = shot if options.detail else replace(shot, view=None)
-    shot_map = _ShotMap(shot, views.read(shot), options.adjustments, options.sun)
-    lights = list(frame_lights(shot, number, options.adjustments, options.sun, shot_map.compute_harmonics()))
+    options, view = job.options, job.options.view
+    shot = replace(shot, view=None) if view.around == Around.PLAIN else shot
+    shot_map = _ShotMap(shot, views.read(shot, detail=view.around == Around.PLACE), view)
+    lights = list(frame_lights(shot, number, view.adjustments, view.sun, shot_map.compute_harmonics()))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
-    with trace_step("map"):
-        picture, lighting, probe = shot_map.render_world(options.height)
-    with trace_step("encode"):
-        write_envmap(job.folder / _shot_map(number), picture, lighting, probe=probe)
+    shot_map.render_world().write(job.folder / _shot_map(number))
     if options.frames_exr:
         _write_frame_maps(job, shot_map, lights)
     if options.tool is not None:
@@ -544,13 +538,13 @@ def _write_shot(
 
 def _write_frame_maps(job: VideoJob, shot_map: _ShotMap, lights: Sequence[FrameLight]) -> None:
     """Write a map a frame; all show the same place."""
-    height, folder = job.options.height, job.folder / FRAMES_FOLDER
+    view, folder = shot_map.view, job.folder / FRAMES_FOLDER
     folder.mkdir(exist_ok=True)
-    sky = None if shot_map.context is None else shot_map.render_sky(height)
+    sky = None if shot_map.context is None else shot_map.render_sky(view.height)
     for light in lights:
         with trace_step("map"):
             if sky is None:
-                picture = render(light.lighting, height, sun=job.options.sun)
+                picture = render(light.lighting, view.height, sun=view.sun)
             else:
                 picture = shot_map.turn_to_frame(sky, light)
         with trace_step("encode"):
@@ -605,11 +599,11 @@ def _write_scene(
     if tool is None or animate is None:
         raise SceneError(f"There is no scene with a moving camera for {tool!r}.", "tool", ErrorCode.UNKNOWN)
     height, width = plate.shape[:2]
-    shot, lighting = shot_map.shot, shot_lighting(shot_map.shot, options.adjustments)
-    scene = make_scene(Photo(plate, width, height, "PNG"), lighting, map_height=options.height, sun=options.sun)
+    shot, view = shot_map.shot, options.view
+    scene = make_scene(Photo(plate, width, height, "PNG"), shot_map.light, map_height=view.height, sun=view.sun)
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
     if shot_map.context is not None:
-        sky = rotate_envmap(shot_map.render_sky(options.height), shot_map.heading)
+        sky = rotate_envmap(shot_map.render_sky(view.height), shot_map.heading)
         scene = replace(scene, environment=sky)
     write_scene(scene, tool, folder, overwrite=True)
     rate = frame_rate or 30.0

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lighting.color import luminance
 from lighting.decoding import with_ground_color
-from lighting.envmap.relighting import Adjustments, adjust_lighting, radiance_gain, scale_exposure
+from lighting.envmap.relighting import adjust_lighting, radiance_gain, scale_exposure
 from lighting.errors import VideoError
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
@@ -29,6 +29,7 @@ from lighting.fusion.single_view import Posterior
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import Floats, angle_between, wrap_azimuth, zoomed_fov
 from lighting.light_probe import LightProbe, compute_light_probe, main_light, rotate_harmonics
+from lighting.map_options import Adjustments
 from lighting.model import Model
 from lighting.records import Lighting, record_with_coefficients
 from lighting.registration.rotations import (

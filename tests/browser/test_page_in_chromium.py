@@ -24,7 +24,6 @@ import uvicorn
 from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageOps
 
-from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.estimator import Estimator
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import read_exr
@@ -40,7 +39,7 @@ from server.pages import BUNDLE
 from server.settings import Settings
 from tests.helpers.cameras import picture, texture
 from tests.helpers.photos import phone
-from tests.helpers.visits import Seen, missing, visit_feature
+from tests.helpers.visits import Seen, visit_feature
 
 ROOT = Path(__file__).parents[2]
 PHOTO = ROOT / "examples" / "railway_field.jpg"
@@ -59,7 +58,7 @@ SAVE_OPTIONS: dict[str, dict[str, Any]] = {
 Visit = Callable[[str], Seen]
 
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(missing()), reason=missing() or "all is there")]
+pytestmark = [pytest.mark.slow, pytest.mark.needs("chromium", "node", "server/web")]
 
 
 @pytest.fixture(scope="module")
@@ -288,7 +287,7 @@ class TestUpload:
 
     def test_heic_is_shown_as_the_service_decodes_it(self, seen: Seen) -> None:
         if "heic" not in seen:
-            pytest.skip("pillow-heif is not installed")
+            pytest.skip("needs pillow_heif")
         width, height, status = seen["heic"]
         assert (width, height) == SIZE
         assert "The service decoded it" in status
@@ -600,13 +599,8 @@ def estimated_together(files: list[Path]) -> NDArray[np.float32]:
     match, estimator = has_opencv(), Estimator()
     photos = [read_photo(file, target=MAX_SIDE if match else TARGET) for file in files]
     light, photo = estimator.estimate_views(photos, register=match)[-1].lighting, read_photo(files[-1])
-    alone = estimator(photo)
-
-    def finer(side: int) -> NDArray[np.uint8]:
-        return read_photo(files[-1], target=side).pixels
-
-    place = photo_context_for_height(alone, photo.pixels, 512, finer, exposure=light.exposure)
-    return render_view(light, 512, sun=light.sun_shines, context=place)[0]
+    alone = estimator(photo).edit({}, photo_exposure=light.exposure)
+    return alone.replace(lighting=light).envmap(512, sun=light.sun_shines)
 
 
 class TestSeveral:
@@ -642,7 +636,7 @@ class TestSeveral:
     def test_one_photo_is_not_rotated(self, seen: Seen) -> None:
         assert seen["rotatedAlone"] is False
 
-    @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
+    @pytest.mark.needs("cv2")
     def test_overlapping_photos_are_rotated_as_they_show(self, seen: Seen) -> None:
         first, second, _ = seen["rotated"]
         assert first["button"].startswith("Photo 1, sun ")
@@ -654,13 +648,13 @@ class TestSeveral:
         assert first["numbers"]["Sun azimuth"] != second["numbers"]["Sun azimuth"]
         assert first["numbers"]["Sun elevation"] == second["numbers"]["Sun elevation"]
 
-    @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
+    @pytest.mark.needs("cv2")
     def test_a_photo_without_anything_in_common_has_a_sentence_that_says_so(self, seen: Seen) -> None:
         stranger = seen["rotated"][2]
         assert re.match(r"Photo 3, perhaps (\d+° (left|right) of|as) photo 1, sun ", stranger["button"])
         assert stranger["sentence"].startswith("It overlaps no other photo")
 
-    @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
+    @pytest.mark.needs("cv2")
     def test_files_hold_the_camera_that_is_shown(self, seen: Seen, folder: Path) -> None:
         assert seen["rotated"]
         shown = json.loads((folder / "first.json").read_text())["camera"]

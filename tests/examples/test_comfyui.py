@@ -51,7 +51,6 @@ class _Output(tuple):  # type: ignore[type-arg]
 
 @pytest.fixture
 def module(monkeypatch: pytest.MonkeyPatch) -> Any:
-    pytest.importorskip("torch")
     inputs = {kind: type("Input", (_Port,), {"options": frozenset(names)}) for kind, names in OPTIONS.items()}
     kinds = {kind: SimpleNamespace(Input=inputs.get(kind), Output=_Port) for kind in {*OPTIONS, *OUTPUTS}}
     latest: Any = ModuleType("comfy_api.latest")

@@ -1,9 +1,9 @@
 """The example photos: their table, how they were exposed, and what is kept of the photographs among them."""
 
 import base64
-import csv
 import io
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -16,6 +16,7 @@ from PIL import ExifTags, Image
 
 from examples.make_examples import COLUMNS, EXAMPLES, HERE, add_grain, develop, enlarge, truth
 from examples.reduce_photos import PHOTOS, SHOWN, THUMB, reduce_photo, thumbnail
+from scripts.examples import measure_example, read_suns
 from tests.conftest import encode, exif, scene
 from tests.helpers.pages import ROOT
 
@@ -23,14 +24,22 @@ LARGEST = 450_000  # bytes of one example that the page offers
 
 
 def test_the_table_beside_the_photos_is_that_of_the_script() -> None:
-    with (HERE / "examples.csv").open(newline="", encoding="utf-8") as lines:
-        rows = list(csv.DictReader(lines))
+    rows = read_suns()
     assert tuple(rows[0]) == COLUMNS
     assert [row["file"] for row in rows] == [example.file for example in EXAMPLES]
     for row, example in zip(rows, EXAMPLES, strict=True):
         assert float(row["vertical_fov"]) == example.vertical_fov
         with Image.open(HERE / example.file) as photo:
             assert photo.size == (example.width, example.height)
+
+
+def test_the_first_example_of_readme_is_sure_and_right() -> None:
+    """`python -m scripts.examples` says how the others do."""
+    (name,) = set(re.findall(r"examples/(\w+\.jpg)", (ROOT / "README.md").read_text(encoding="utf-8")))
+    answer = measure_example(next(row for row in read_suns() if row["file"] == name))
+    assert answer.estimate.lighting.radius_90 <= 30
+    assert answer.error <= answer.estimate.lighting.radius_50
+    assert answer.estimate.lighting.sun_visibility > 0.5
 
 
 def test_the_sun_is_told_from_where_the_camera_points() -> None:
@@ -118,6 +127,7 @@ def pictures(notebook: Any) -> list[tuple[int, int]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.name)
+@pytest.mark.needs("nbclient")
 def test_a_notebook_gives_what_it_shows(file: Path, tmp_path: Path) -> None:
     """Where this fails, run `python -m scripts.run_notebook NAME`."""
     again = tmp_path / "again.ipynb"

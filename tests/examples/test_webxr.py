@@ -19,9 +19,9 @@ from click.testing import CliRunner
 from lighting.cli import cli
 from lighting.light_probe import compute_light_probe, encode_light_probe
 from tests.helpers.predictions import stated_light
+from tests.helpers.requirements import require
 
 ROOT = Path(__file__).parents[2]
-MODULES = ROOT / "tests" / "node" / "node_modules"
 SCRIPT = """
 <script>
 const waiting = setInterval(async () => {
@@ -58,12 +58,10 @@ class _QuietHandler(SimpleHTTPRequestHandler):
 
 @pytest.mark.slow
 def test_the_page_is_lit_by_the_photo_and_then_by_the_sessions_estimate(tmp_path: Path) -> None:
-    program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if program is None or not (MODULES / "three").is_dir():
-        pytest.skip("Chromium or three.js is not installed: npm ci --prefix tests/node")
+    program, modules = require("chromium"), require("tests/node")
     site = tmp_path / "site"
     shutil.copytree(ROOT / "examples" / "webxr", site)
-    (site / "node_modules").symlink_to(MODULES)
+    (site / "node_modules").symlink_to(modules)
     behind = replace(stated_light(), sun_azimuth=150.0)  # the camera, so that it lights what the camera sees
     dark = replace(behind, sun_irradiance=(0.0, 0.0, 0.0))
     probes = {name: compute_light_probe(light) for name, light in (("light", behind), ("other", dark))}

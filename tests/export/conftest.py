@@ -1,22 +1,23 @@
-"""Rendered panoramas, a network trained on them for a few steps, and an LLVM, shared by all tests of export."""
+"""Rendered panoramas and a network trained on them for a few steps, shared by all tests of export.
+
+Modules that need PyTorch are imported where they are used, for most of these tests need none.
+"""
 
 import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from filelock import FileLock
 
-import export.networks.backbone as backbone
-import export.networks.outdoor as outdoor
 from export.data.labels import _label_panorama, write_labels
-from export.data.panoramas import DataError, read_index
+from export.data.panoramas import read_index
 from export.data.rendered_panoramas import _write_dataset
-from export.data.rendered_towns import find_llvm
-from export.networks.onnx_export import write_onnx
-from export.training.dataset import TrainConfig
-from export.training.loop import train_network
+
+if TYPE_CHECKING:
+    from export.training.dataset import TrainConfig
 
 
 def _make_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
@@ -43,18 +44,24 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def config(data: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainConfig:
+def config(data: Path, tmp_path_factory: pytest.TempPathFactory) -> "TrainConfig":
+    from export.training.dataset import TrainConfig
+
     out = tmp_path_factory.mktemp("run")
     return TrainConfig(str(data), str(data / "labels.csv"), str(out), crops=16, batch=4, workers=0, tune_share=0.3)
 
 
 @pytest.fixture(scope="session")
-def trained(config: TrainConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained(config: "TrainConfig", tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from export.training.loop import train_network
+
     return _make_once(tmp_path_factory, "trained", lambda folder: train_network(replace(config, out=str(folder))))
 
 
 @pytest.fixture(scope="session")
 def trained_network(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    from export.networks.onnx_export import write_onnx
+
     def make(folder: Path) -> None:
         folder.mkdir()
         write_onnx([trained], folder / "outdoor.onnx", temperature=1.3)
@@ -65,15 +72,8 @@ def trained_network(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> 
 @pytest.fixture
 def small_backbone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Networks have one block a stage, and begin without the weights of ImageNet, which do not fit."""
+    from export.networks import backbone, outdoor
+
     monkeypatch.setattr(backbone, "_STAGES", [(*stage[:-1], 1) for stage in backbone._STAGES])
     monkeypatch.setattr(backbone.Backbone, "MIDDLE_BLOCKS", 5)
     monkeypatch.setattr(outdoor, "load_imagenet", lambda _: None)
-
-
-@pytest.fixture(scope="session")
-def llvm() -> None:
-    """An LLVM that Mitsuba can use; tests that need one are skipped with the reason if there is none."""
-    try:
-        find_llvm()
-    except DataError as error:
-        pytest.skip(str(error))

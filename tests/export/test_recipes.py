@@ -86,7 +86,7 @@ def type_line(line: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.training
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_the_tutorial_ends_with_a_network_that_is_scored_and_answers(folder: Path) -> None:
     sizes, *lines = read_lines("learn/train.md")
     assert dict(pair.split("=") for pair in sizes.split()).keys() == SMALL.keys()
@@ -102,7 +102,7 @@ def test_the_tutorial_ends_with_a_network_that_is_scored_and_answers(folder: Pat
 
 @pytest.mark.slow
 @pytest.mark.training
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_panoramas_of_ones_own_end_as_a_network_that_paints_a_map(folder: Path) -> None:
     """The panoramas in `DIR` are rendered ones."""
     type_line("python -m export synthesize --count 6 --height 64 --val 0.2 --out DIR")

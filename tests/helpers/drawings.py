@@ -2,7 +2,6 @@
 
 import base64
 import re
-import shutil
 import subprocess
 import tempfile
 from io import BytesIO
@@ -10,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-_PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+from tests.helpers.requirements import require
+
 ATTEMPTS = 3
 _END = 'data-script="ended"'
 _PICTURE = re.compile(r'<img class="drawn" alt="(\w+)" src="data:image/png;base64,([^"]+)"')
@@ -22,9 +21,7 @@ _PICTURE = re.compile(r'<img class="drawn" alt="(\w+)" src="data:image/png;base6
 
 def drawings(page: Path, script: str, width: int, height: int) -> dict[str, NDArray[Any]]:
     """What `script` drew in an HTML file: it calls `drawn(name)`, after `lightingScene` has drawn, for each picture."""
-    program = next(filter(None, map(shutil.which, _PROGRAMS)), None)
-    if program is None:
-        pytest.skip("Chromium is not installed")
+    program = require("chromium")
     waiting = _WAITING.replace("SCRIPT", script).replace("SIZE", str([width, height]))
     page.write_text(page.read_text(encoding="utf-8").replace("</html>", waiting))
     found = next(filter(None, (_finished(program, page, width, height) for _ in range(ATTEMPTS))), None)

@@ -1,21 +1,17 @@
 """Programs in the chroot of scripts/engines.sh, for the tests that need Godot or Blender's newest."""
 
-import os
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-CHROOT = Path(os.environ.get("LIGHTING_ENGINES") or "/nonexistent")
+from tests.helpers.requirements import find
 
-_MISSING = not (CHROOT / "usr" / "bin" / "godot").exists() or os.geteuid() != 0
-_REASON = "no Debian with Godot and Blender; as root, LIGHTING_ENGINES names one that scripts/engines.sh made"
+CHROOT = Path(find("engines") or "/nonexistent")
 
 
 def needs_engines(test: Callable[..., None]) -> Callable[..., None]:
@@ -24,7 +20,7 @@ def needs_engines(test: Callable[..., None]) -> Callable[..., None]:
     Args:
         test: that runs a program in it.
     """
-    marked: Callable[..., None] = pytest.mark.skipif(_MISSING, reason=_REASON)(test)
+    marked: Callable[..., None] = pytest.mark.needs("engines")(test)
     for mark in (pytest.mark.slow, pytest.mark.engines, pytest.mark.timeout(1800)):
         marked = mark(marked)
     return marked
@@ -57,9 +53,7 @@ def run_in_chroot(folder: Path, command: str, seconds: float = 900.0) -> str:
     return result.stdout + result.stderr
 
 
-PYTHON = sys.executable if find_spec("bpy") else os.environ.get("BLENDER_PYTHON", "")  # empty if there is none
-
-_NO_BLENDER = "no Python with Blender's module bpy; BLENDER_PYTHON names one"
+PYTHON = find("blender") or ""
 
 
 def needs_blender(test: Callable[..., None]) -> Callable[..., None]:
@@ -68,5 +62,5 @@ def needs_blender(test: Callable[..., None]) -> Callable[..., None]:
     Args:
         test: that runs it.
     """
-    marked: Callable[..., None] = pytest.mark.blender(pytest.mark.skipif(not PYTHON, reason=_NO_BLENDER)(test))
+    marked: Callable[..., None] = pytest.mark.blender(pytest.mark.needs("blender")(test))
     return marked

@@ -19,6 +19,9 @@ from tests.conftest import encode, scene
 from tests.helpers.pages import ROOT
 
 PHOTO = encode(scene(320, 240))
+_NAMESPACE = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-ec"]
+_MOUNT = 'mount -t tmpfs -o size=256k,nr_inodes=64 tmpfs "$1"; shift; exec "$@"'
+SMALL_DISK = [*_NAMESPACE, _MOUNT, "sh"]  # before a folder and a command
 
 
 class Server:
@@ -105,11 +108,14 @@ def environment(**settings: object) -> dict[str, str]:
 
 
 @contextmanager
-def started(network: Path, *, files: tuple[int, int] | None = None, **settings: object) -> Iterator[Server]:
-    """A service with some settings, and with a soft and a hard limit on its open files."""
+def started(
+    network: Path, *, files: tuple[int, int] | None = None, disk: Path | None = None, **settings: object
+) -> Iterator[Server]:
+    """A service with some settings, with a soft and a hard limit on its open files, and a small disk at a folder."""
     given = environment(**{"port": 0, "model": network, **settings})
     command = [sys.executable, "-m", "server"]
     command = ["prlimit", f"--nofile={files[0]}:{files[1]}", *command] if files else command
+    command = [*SMALL_DISK, str(disk), *command] if disk else command
     with TemporaryFile() as log, subprocess.Popen(command, cwd=ROOT, env=given, stderr=log) as process:
         try:
             server = Server(process, log)

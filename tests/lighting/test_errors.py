@@ -15,8 +15,6 @@ from lighting.envmap.relighting import edit_lighting, rotate_lighting
 from lighting.envmap.shadow_mask import ground_shadow_mask
 from lighting.envmap.surroundings import (
     PhotoContext,
-    photo_context,
-    photo_context_for_height,
     render_view,
     render_with_surroundings,
     surroundings_gain,
@@ -35,12 +33,13 @@ from lighting.errors import (
 )
 from lighting.estimator import Estimator
 from lighting.fields import check_range, option_name, record_path
-from lighting.files import write_envmap
+from lighting.files import FileOptions, write_envmap
 from lighting.files.exr import write_exr
+from lighting.map_options import MapOptions
 from lighting.model import Model
 from lighting.photo.clock import parse_time, parse_utc_offset
 from lighting.photo.reader import check_photo, photo_from_array
-from lighting.preview.picture import _draw_preview, draw_preview_pixels
+from lighting.preview.picture import draw_preview_pixels
 from lighting.records import Lighting
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
@@ -67,20 +66,21 @@ TAKERS: dict[str, Callable[[Any], object]] = {
     "render_with_surroundings: light": lambda thing: render_with_surroundings(thing, PLACE, 16),
     "render_with_surroundings: context": lambda thing: render_with_surroundings(LIGHT, thing, 16),
     "surroundings_gain: context": lambda thing: surroundings_gain(LIGHT, thing),
-    "photo_context: estimate": lambda thing: photo_context(thing, PIXELS, surroundings=True),
-    "photo_context: photo": lambda thing: photo_context(ESTIMATE, thing, surroundings=True),
-    "photo_context_for_height: height": lambda thing: photo_context_for_height(
-        ESTIMATE, PIXELS, thing, lambda _: PIXELS, surroundings=True
-    ),
+    "PhotoContext: photo": PhotoContext,
+    "MapOptions: height": MapOptions,
+    "MapOptions: around": lambda thing: MapOptions(around=thing),
+    "MapOptions: adjustments": lambda thing: MapOptions(adjustments=thing),
+    "FileOptions: format": FileOptions,
+    "FileOptions: colors": lambda thing: FileOptions(colors=thing),
+    "FileOptions: compression": lambda thing: FileOptions(compression=thing),
     "ground_shadow_mask: photo": lambda thing: ground_shadow_mask(thing, LIGHT),
     "ground_shadow_mask: light": lambda thing: ground_shadow_mask(PIXELS, thing),
     "turn: light": lambda thing: rotate_lighting(thing, 10.0),
     "turn: yaw": lambda thing: rotate_lighting(LIGHT, thing),
     "change: light": lambda thing: edit_lighting(thing, {"sun_azimuth": 3.0}),
-    "draw_preview_pixels: photo": lambda thing: draw_preview_pixels(thing, ESTIMATE),
-    "draw_preview_pixels: estimate": lambda thing: draw_preview_pixels(PIXELS, thing),
-    "_draw_preview: photo": lambda thing: _draw_preview(thing, ESTIMATE, MAP),
-    "_draw_preview: map": lambda thing: _draw_preview(PIXELS, ESTIMATE, thing),
+    "draw_preview_pixels: photo": lambda thing: draw_preview_pixels(thing, ESTIMATE, MAP),
+    "draw_preview_pixels: estimate": lambda thing: draw_preview_pixels(PIXELS, thing, MAP),
+    "draw_preview_pixels: map": lambda thing: draw_preview_pixels(PIXELS, ESTIMATE, thing),
     "read_time: text": parse_time,
     "read_offset: text": parse_utc_offset,
     "make_scene: photo": lambda thing: make_scene(thing, LIGHT, map_height=16),
@@ -217,10 +217,14 @@ def test_a_missing_extra_is_named() -> None:
 # Old names.
 
 ATTRIBUTES = {  # of classes, and parameters
+    "lighting.Estimate.save.colours",
     "lighting.Estimator.together",
+    "lighting.MapOptions.detail",
+    "lighting.MapOptions.surroundings",
     "lighting.UserInput.use_exif",
     "lighting.photo.reader.Photo.facts",
     "lighting.video.stream.Tracker.given",
+    "lighting.write_exr.colours",
 }
 
 

@@ -260,10 +260,10 @@ def test_photos_together_share_the_strength_of_the_light(lit_network: Path) -> N
     assert two.surroundings == pytest.approx(AROUND)
 
 
+@pytest.mark.needs("cv2")
 @pytest.mark.parametrize(("elevation", "sigma"), [(None, 2.5), (-6.0, 0.96), (60.0, 2.5)])
 def test_a_photo_that_is_matched_is_levelled_by_its_gravity(elevation: float | None, sigma: float) -> None:
     """Unless the pixels contradict it."""
-    pytest.importorskip("cv2")
     photo, said = Photo(scene(320, 240), 320, 240, "JPEG"), grid_prediction(UNIFORM)
     gravity = None if elevation is None else Gravity(elevation, 5.0, 1.0)
     shot = _view(photo, said, Observations(vertical_fov=53.0, gravity=gravity)).with_features()

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +32,7 @@ from lighting.light_probe import (
 from lighting.records import Lighting
 from tests.conftest import scene as picture
 from tests.helpers.predictions import SUN_IRRADIANCE, UNIT_NORMALS, model_light, stated_light
+from tests.helpers.requirements import require
 
 LIGHT = stated_light()
 CONTEXT = PhotoContext(picture(64, 48), np.random.default_rng(2).uniform(0.1, 2, (12, 24, 3)).astype(np.float32))
@@ -165,11 +165,9 @@ def test_every_engine_sees_the_same_irradiance(irradiance: Any) -> None:
 
 
 def test_threejs_and_babylon_have_that_irradiance() -> None:
-    program, folder = shutil.which("node"), Path(__file__).parents[1] / "node"
-    if program is None or not (folder / "node_modules" / "babylonjs").is_dir():
-        pytest.skip("node, three.js or Babylon.js is not installed: npm ci --prefix tests/node")
+    program, script = require("node"), Path(require("tests/node")).with_name("light_probe.cjs")
     data = {name: written(name) for name in ("threejs", "babylon")} | {"normals": UNIT_NORMALS.tolist()}
-    command = [program, str(folder / "light_probe.cjs")]
+    command = [program, str(script)]
     result = subprocess.run(command, input=json.dumps(data), capture_output=True, text=True, check=True)
     by_engine = json.loads(result.stdout.splitlines()[-1])
     for name in ("threejs", "babylon"):

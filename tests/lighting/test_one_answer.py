@@ -11,14 +11,17 @@ import pytest
 from starlette.testclient import TestClient
 
 import lighting
-from lighting.estimator import Estimator
+import lighting.envmap.surroundings as surroundings
+from lighting.batch.job import BatchJob, MapOutput, estimate_or_error, load_worker_estimator
+from lighting.estimator import Estimator, render_lighting
 from lighting.files.exr import read_exr_attributes
+from lighting.map_options import MapOptions
 from lighting.model import Model, preprocess
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting
 from server.app import create_app
 from server.settings import Settings
-from tests.helpers.processes import run_command
+from tests.helpers.processes import invoke_command, run_command
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PHOTOS = [EXAMPLES / "wide_street.jpg", EXAMPLES / "snow_field.jpg"]
@@ -83,3 +86,40 @@ def test_every_door_gives_one_record_and_one_map(tmp_path: Path) -> None:
     estimates[0].scene("blender", tmp_path / "python", height=int(HEIGHT))
     maps = [tmp_path / folder / "environment.exr" for folder in ("scene", "python")]
     assert maps[0].read_bytes() == maps[1].read_bytes()
+
+
+BACKDROPS = ("wide_street", "snow_field", "brick_street", "lake_clouds", "beach_storm", "garden_noon")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BACKDROPS)
+def test_every_door_shows_the_same_place(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Map, preview and scene of a command, a batch, the service and Python take their detail from one place."""
+    photo, chosen = EXAMPLES / f"{name}.jpg", list[object]()
+    make = surroundings.detail_library.LibraryDetail
+
+    def watch(source: object, height: int) -> object:
+        chosen.append(source)
+        return make(source, height)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(surroundings.detail_library, "LibraryDetail", watch)
+    answer = lighting.estimate(photo)
+    answer.envmap(64)
+    answer.envmap(1024)
+    answer.preview()
+    answer.make_scene(MapOptions(64))
+    render_lighting(answer.lighting, 64, photo=photo)
+    for arguments in (
+        ("envmap", photo, "-o", tmp_path / "a.exr", "--height", "1024", "--preview", tmp_path / "a.png"),
+        ("preview", photo, "-o", tmp_path / "b.png", "--sun", "40,25"),
+        ("scene", photo, "--for", "gltf", "-o", tmp_path / "scene", "--height", "64"),
+    ):
+        assert invoke_command(*arguments).exit_code == 0
+    job = BatchJob(str(EXAMPLES), str(tmp_path), maps=MapOutput(MapOptions(64)))
+    estimate_or_error(load_worker_estimator(job), photo, job)
+    with TestClient(create_app(Settings(), Estimator(Model.load(threads=1)))) as client:
+        for route, query in (("envmap", {"height": "64"}), ("preview", {}), ("scene", {"for": "gltf", "height": "64"})):
+            files = {"photo": (photo.name, photo.read_bytes(), "image/jpeg")}
+            assert client.post(f"/v1/{route}", params=query, files=files).status_code == 200
+    assert len(chosen) == 13
+    assert all(source == chosen[0] for source in chosen)

@@ -13,12 +13,12 @@ from PIL import Image
 
 import lighting
 from lighting import Estimate, Lighting, UserInput, estimate, read_photo, render
-from lighting.envmap.relighting import Adjustments, adjust_lighting
-from lighting.envmap.surroundings import photo_context, render_with_surroundings
+from lighting.envmap.relighting import adjust_lighting
+from lighting.envmap.surroundings import render_with_surroundings
 from lighting.errors import EnvironmentMapError, ParameterError, PhotoError, SceneError
 from lighting.files.exr import read_exr
 from lighting.files.radiance_hdr import decode_hdr
-from lighting.photo.reader import reread_photo
+from lighting.map_options import Adjustments, MapOptions
 from tests.helpers.processes import run_command
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -75,9 +75,9 @@ def test_what_is_no_photo_is_refused_in_words(thing: object) -> None:
 
 
 def test_the_place_is_in_the_map_unless_left_out(answer: Estimate) -> None:
-    context = photo_context(answer, answer.photo.pixels)
+    context = answer.context()
     assert context is not None
-    placed, bare = answer.envmap(64), answer.envmap(64, surroundings=False)
+    placed, bare = answer.envmap(64), answer.envmap(64, around="plain")
     np.testing.assert_allclose(placed, render_with_surroundings(answer.lighting, context, 64), rtol=1e-4)
     np.testing.assert_allclose(bare, render(answer.lighting, 64), rtol=1e-4)
     assert np.abs(placed - bare).mean() > 0.05 * bare.mean()
@@ -87,7 +87,7 @@ def test_a_stored_record_regains_the_place_with_its_photo(answer: Estimate) -> N
     stored = Lighting.from_dict(json.loads(json.dumps(answer.lighting.to_dict())))
     np.testing.assert_array_equal(render(stored, 64, photo=PHOTO), answer.envmap(64))
     np.testing.assert_array_equal(render(stored, 64, photo=PHOTO, disc=False), answer.envmap(64, disc=False))
-    np.testing.assert_allclose(render(stored, 64), answer.envmap(64, surroundings=False), rtol=1e-4)
+    np.testing.assert_allclose(render(stored, 64), answer.envmap(64, around="plain"), rtol=1e-4)
     edited = replace(stored, sun_azimuth=-90.0, sun_elevation=50.0, radius_50=0.0, radius_90=0.0)
     np.testing.assert_array_equal(render(edited, 64, photo=PHOTO), answer.replace(lighting=edited).envmap(64))
 
@@ -115,13 +115,13 @@ def test_a_changed_light_is_that_of_the_same_options(answer: Estimate) -> None:
 def test_changes_add_up(answer: Estimate) -> None:
     once, twice = answer.replace(exposure=1), answer.replace(exposure=0.5).replace(exposure=0.5)
     assert twice.lighting.exposure == pytest.approx(once.lighting.exposure, rel=1e-5)
-    np.testing.assert_allclose(twice.envmap(32, detail=False), once.envmap(32, detail=False), rtol=1e-3)
+    np.testing.assert_allclose(twice.envmap(32, around="photo"), once.envmap(32, around="photo"), rtol=1e-3)
     np.testing.assert_allclose(once.envmap(32, disc=False).mean(), 2 * answer.envmap(32, disc=False).mean(), rtol=1e-2)
 
 
 def test_the_photo_stays_what_it_shows_under_another_sun(answer: Estimate) -> None:
     moved = answer.replace(sun=(-90, 50))
-    context = photo_context(answer, answer.photo.pixels)
+    context = answer.context()
     assert context is not None
     expected = render_with_surroundings(moved.lighting, context, 64)
     np.testing.assert_allclose(moved.envmap(64), expected, rtol=1e-4)
@@ -143,10 +143,10 @@ def test_maps_are_saved_in_every_format(answer: Estimate, tmp_path: Path) -> Non
 def test_a_scene_is_written_for_a_tool(answer: Estimate, tmp_path: Path) -> None:
     scene = answer.scene("usd", tmp_path / "street", height=64, up_axis="Z")
     assert 'upAxis = "Z"' in (tmp_path / "street" / "scene.usda").read_text()
-    assert scene.plate.shape == reread_photo(answer.photo, 3840).pixels.shape
+    assert scene.plate.shape == answer.photo.reread(3840).pixels.shape
     with pytest.raises(SceneError, match="not empty"):
         answer.scene("usd", tmp_path / "street")
-    with pytest.raises(TypeError, match="no option 'up_axes'"):
+    with pytest.raises(TypeError, match="up_axes"):
         answer.scene("usd", tmp_path / "other", up_axes="Z")
     with pytest.raises(SceneError, match="blender"):
         answer.scene("maya", tmp_path / "other")
@@ -159,8 +159,8 @@ def test_a_scene_is_written_for_a_tool(answer: Estimate, tmp_path: Path) -> None
         (lambda light: light.envmap(sun=(40, 25)), "sun"),
         (lambda light: light.preview(surroundings="no"), "surroundings"),
         (lambda light: light.save("never.exr", detail=1), "detail"),
+        (lambda light: light.save("never.exr", disc=1), "disc"),
         (lambda light: light.light_probe(sun=0), "sun"),
-        (lambda light: light.scene("usd", "never", overwrite="yes"), "overwrite"),
         (lambda light: light.replace(overcast=1), "overcast"),
         (lambda light: light.replace(sun=40), "sun"),
         (lambda light: light.replace(camera_height="high"), "camera_height"),
@@ -183,13 +183,13 @@ def test_a_file_that_changed_since_is_not_taken_for_the_photo(tmp_path: Path) ->
     file = tmp_path / "photo.jpg"
     file.write_bytes(PHOTO.read_bytes())
     photo = read_photo(file)
-    assert max(reread_photo(photo, 600).pixels.shape) >= 600
+    assert max(photo.reread(600).pixels.shape) >= 600
     file.write_bytes((EXAMPLES / "snow_field.jpg").read_bytes())
     with pytest.raises(PhotoError, match="has changed since it was read"):
-        reread_photo(photo, 600)
+        photo.reread(600)
     file.unlink()
     with pytest.raises(FileNotFoundError):
-        reread_photo(photo, 600)
+        photo.reread(600)
 
 
 def test_the_repr_says_where_the_sun_is(answer: Estimate) -> None:
@@ -212,3 +212,23 @@ def test_the_light_probe_is_that_of_the_changed_light(answer: Estimate) -> None:
     np.testing.assert_allclose(brighter.coefficients, 2 * probe.coefficients, rtol=1e-2)
     np.testing.assert_allclose(answer.replace(sun=(0, 90)).light_probe().main_light.direction, [0, 1, 0], atol=1e-6)
     assert not answer.light_probe(sun=False).main_light.irradiance.any()
+
+
+def test_keywords_are_options_and_old_ones_warn(answer: Estimate) -> None:
+    rendered = answer.render(MapOptions(64, around="photo", sun=False, yaw=20.0))
+    with pytest.warns(DeprecationWarning, match=r"MapOptions\.detail is now .*around") as seen:
+        old = answer.envmap(64, detail=False, sun=False, yaw=20.0)
+    np.testing.assert_array_equal(old, rendered.image)
+    assert [Path(warning.filename) for warning in seen] == [Path(__file__)]
+    assert rendered.lighting.sun_azimuth == pytest.approx(answer.lighting.sun_azimuth + 20)
+    with pytest.warns(DeprecationWarning, match=r"MapOptions\.surroundings is now .*around"):
+        np.testing.assert_array_equal(answer.envmap(64, surroundings=False), answer.envmap(64, around="plain"))
+
+
+def test_an_edited_light_keeps_the_photo_and_its_place(answer: Estimate) -> None:
+    edited = answer.edit({"sun_azimuth": 30.0}, photo_exposure=answer.lighting.exposure)
+    assert edited.photo_lighting == answer.photo_lighting
+    assert edited.lighting.sun_azimuth == 30.0
+    darker = answer.edit({}, photo_exposure=2 * answer.lighting.exposure)
+    assert darker.photo_lighting.exposure == pytest.approx(2 * answer.lighting.exposure)
+    assert darker.lighting == answer.lighting

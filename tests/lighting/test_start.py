@@ -12,13 +12,13 @@ import lighting.start as start_module
 from lighting.errors import ModelError
 from lighting.model import Model, packaged_model
 from lighting.onnx_session import packaged_network
-from lighting.start import silence_libraries, start_network, started_session
+from lighting.start import silence_libraries, start_network
 from tests.helpers.processes import LIGHTING, run_command
 
 STARTED = """
 import gc, os, sys
 from lighting.start import prepare_process
-prepare_process(sys.argv[1:])
+prepare_process(sys.argv[1])
 print(os.environ.get("OPENBLAS_NUM_THREADS"), gc.get_threshold()[0] > 10_000, "numpy" in sys.modules)
 """
 
@@ -29,17 +29,12 @@ def python(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["envmap", "a.jpg"], "1 True False"),
-        (["--debug", "render", "a.json"], "1 True False"),
-        (["batch", "a", "b"], "1 False False"),
-        (["stereo", "normals"], "1 False False"),
-    ],
+    ("command", "said"),
+    [("envmap", "1 True False"), ("render", "1 True False"), ("batch", "1 False False"), ("", "1 False False")],
 )
-def test_commands_are_made_ready(arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_are_made_ready(command: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    assert python(STARTED, *arguments).stdout.strip() == said
+    assert python(STARTED, command).stdout.strip() == said
 
 
 def test_what_the_user_set_stays(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,48 +42,26 @@ def test_what_the_user_set_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     assert python(STARTED, "envmap").stdout.startswith("3 ")
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        [],
-        ["--help"],
-        ["info", "PHOTO"],
-        ["batch", "PHOTO", "out"],
-        ["estimate", "--help", "PHOTO"],
-        ["estimate", "PHOTO", "PHOTO"],
-        ["envmap", "PHOTO", "PHOTO", "-o", "maps/"],
-        ["estimate", "PHOTO", "--model=other.onnx"],
-        ["scene", "PHOTO", "--lighting", "light.json"],
-    ],
-)
-def test_the_network_is_not_loaded_where_no_single_photo_needs_it(arguments: list[str], photo_path: Path) -> None:
-    start_network([str(photo_path) if argument == "PHOTO" else argument for argument in arguments])
-    assert started_session() is None
+@pytest.mark.parametrize("command", ["", "info", "batch", "render", "serve"])
+def test_the_network_is_not_loaded_where_a_command_seldom_needs_it(command: str) -> None:
+    assert start_network(command) is None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["estimate", "PHOTO"],
-        ["estimate", "no\0name"],
-        ["envmap", "PHOTO", "-o", "PHOTO"],  # as an output that there is already
-        ["scene", "PHOTO", "--for", "usd", "-o", "folder"],
-    ],
-)
-def test_the_network_of_one_photo_is_loaded_once(arguments: list[str], photo_path: Path) -> None:
-    start_network([str(photo_path) if argument == "PHOTO" else argument for argument in arguments])
-    model = Model.from_session(started_session(), packaged_model())
+@pytest.mark.parametrize("command", ["estimate", "envmap", "preview", "scene"])
+def test_the_network_of_one_photo_is_loaded_once(command: str) -> None:
+    started = start_network(command)
+    assert started
+    model = Model.from_session(started.take(), packaged_model())
     assert model.spec.name == "outdoor"
-    assert started_session() is None
+    assert started.take() is None
 
 
 def test_what_keeps_the_network_from_loading_is_said_when_it_is_needed(
-    photo_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(start_module, "_DATA", tmp_path)
-    start_network(["estimate", str(photo_path)])
-    assert started_session() is None
+    assert start_network("estimate") is None
     with pytest.raises(ModelError, match="it holds 0"):
         packaged_network(tmp_path, "outdoor")
 
@@ -129,7 +102,7 @@ class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
         sum(range(10))
-photos.estimate_photo("-", open(sys.argv[1], "rb").read(), UserInput(), None, lambda: Lost() and None)
+photos.estimate_file(sys.argv[1], UserInput(), None, lambda: Lost() and None)
 """
 
 

@@ -12,6 +12,8 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
+import lighting.rendered_map as rendered_map
+import lighting.scene.records as records
 from lighting.envmap.surroundings import render_view
 from lighting.scene import EXPORTERS
 from lighting.scene.records import make_scene
@@ -28,8 +30,11 @@ NODE = ROOT / "tests" / "node"
 @pytest.fixture
 def client(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> TestClient:
     """A client of a service that draws small maps, whatever the size asked for."""
-    monkeypatch.setattr(tasks, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options))
-    monkeypatch.setattr(tasks, "make_scene", lambda *a, **options: make_scene(*a, **{**options, "map_height": 16}))
+    monkeypatch.setattr(
+        rendered_map, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options)
+    )
+    for module in (tasks, records):
+        monkeypatch.setattr(module, "make_scene", lambda *a, **options: make_scene(*a, **{**options, "map_height": 16}))
     return client
 
 
@@ -124,11 +129,11 @@ def test_the_link_of_the_examples_is_their_sky(client: TestClient, document: Doc
 
 
 @pytest.mark.slow
+@pytest.mark.needs("openapi_python_client")
 def test_a_client_by_openapi_python_client_gets_the_five_scenes(
     app: FastAPI, client: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The client's own functions with nothing but the tool and the sky, so that all defaults are those it generated."""
-    pytest.importorskip("openapi_python_client", reason="needs openapi-python-client")
     import httpx
 
     (tmp_path / "openapi.json").write_text(client.get("/openapi.json").text)
@@ -158,12 +163,11 @@ def test_a_client_by_openapi_python_client_gets_the_five_scenes(
 
 
 @pytest.mark.slow
+@pytest.mark.needs("node", "tests/node")
 def test_a_client_by_openapi_typescript_has_types_that_are_true(
     client: TestClient, network: Path, photo_path: Path, tmp_path: Path
 ) -> None:
     """It is compiled strictly against the types of the document and then asks a real service."""
-    if not (NODE / "node_modules" / "openapi-fetch").is_dir():
-        pytest.skip("openapi-typescript is not installed: npm ci --prefix tests/node")
     (tmp_path / "openapi.json").write_text(client.get("/openapi.json").text)
     (tmp_path / "node_modules").symlink_to(NODE / "node_modules")
     (tmp_path / "client.ts").write_text((NODE / "client.ts").read_text())

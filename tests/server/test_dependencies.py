@@ -30,7 +30,7 @@ from tests.helpers.cameras import picture, texture
 from tests.helpers.pages import ROOT
 from tests.server.conftest import Client, client_of, jpeg_headers, sample, together, until
 
-pytest.importorskip("cv2")
+pytestmark = pytest.mark.needs("cv2")
 FOV = 50.0
 ALONE = "It overlaps no other photo"
 

@@ -2,7 +2,6 @@
 
 import http.client
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import pytest
 
 from server.limits import PLACE_BYTES
 from tests.helpers.pages import ROOT
+from tests.helpers.requirements import require
 from tests.helpers.service import PHOTO, Server, started
 
 pytestmark = [
@@ -77,6 +77,18 @@ def test_work_goes_in_turn_and_the_greedy_one_is_refused(server: Server) -> None
     assert set(statuses) == {b"200", b"429"}
     assert 1 <= statuses.count(b"200") <= 6
     server.until("lighting_running", 0)
+
+
+def test_a_client_s_dear_requests_leave_a_thread(network: Path) -> None:
+    """Also the first ones after a start, of which nobody knows yet how long they take."""
+    with started(network, concurrency=2) as server, ExitStack() as stack:
+        dear = [stack.enter_context(server.connect("127.0.3.2")) for _ in range(2)]
+        for connection in dear:
+            connection.sendall(LONG_WORK)
+        server.until("lighting_queue_depth", 1)
+        assert server.metric("lighting_running") == 1
+        ask_innocently(server)
+        assert [status_of(connection) for connection in dear] == [b"200", b"200"]
 
 
 def test_headers_of_uploads_take_no_place(server: Server) -> None:
@@ -164,14 +176,11 @@ def _start_caddy(command: list[str], variables: dict[str, str]) -> tuple[subproc
 @contextmanager
 def behind_caddy(server: Server, folder: Path) -> Iterator[int]:
     """The port of a Caddy with this project's Caddyfile in front of a service."""
-    program = shutil.which("caddy")
-    if not program:
-        pytest.skip("caddy is not installed")
     config = folder / "Caddyfile"
     config.write_text((ROOT / "Caddyfile").read_text().replace("{\n", "{\n\tadmin off\n", 1))
     variables = {"SERVICE": f"127.0.0.1:{server.port}", "MAX_BYTES": "64000000"}
     variables |= {"UPLOAD_SECONDS": "60", "HEADER_SECONDS": "10", "HOME": str(folder)}
-    command = [program, "run", "--config", str(config), "--adapter", "caddyfile"]
+    command = [require("caddy"), "run", "--config", str(config), "--adapter", "caddyfile"]
     process, port = _start_caddy(command, os.environ | variables)
     with process:
         try:

@@ -4,6 +4,7 @@ import hmac
 import json
 import logging
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,6 @@ from server.limits import (
     ArrivingBody,
     BusyError,
     ConnectionLimiter,
-    CpuLimiter,
     PendingResponses,
     RateLimiter,
     ShareTakenError,
@@ -78,10 +78,10 @@ def test_sums_are_of_groups_and_divided_by_their_shares() -> None:
     assert tally.load(rooms[0], 2) == 3.0
     assert tally.load(rooms[3]) == 3 / GROUP_SHARES[2]
     assert tally.load(client_of_address("2001:db8:1::1")) == 0
-    assert (list(tally), len(tally)) == (rooms[:3], 3)
+    assert len(tally) == 3
     for room in rooms[:3]:
         tally.add(room, -1)
-    assert (list(tally), tally.load(rooms[0])) == ([], 0)
+    assert (len(tally), tally.load(rooms[0])) == (0, 0)
 
 
 def body(name: str, rate: float = 1e6) -> ArrivingBody:
@@ -504,11 +504,18 @@ def test_keys_cannot_be_guessed_faster_than_the_rate(estimator: Estimator) -> No
 ME = Asker(("me",))
 
 
+def ask(rate: RateLimiter, client: Asker = ME) -> int:
+    """Seconds that a client has to wait; without any, its request counts."""
+    if not (wait := rate.seconds_to_wait(client)):
+        rate.charge(client, 1.0)
+    return wait
+
+
 def test_a_home_s_networks_share_a_larger_limit() -> None:
     rate = RateLimiter(Settings(rate_limit="2/minute").rate_limits)
     home = [client_of_address(f"2001:db8:0:{network:x}::1") for network in (0x100, 0x101, 0x102)]
-    assert [rate.seconds_to_wait(home[0]) > 0 for _ in range(3)] == [False, False, True]
-    assert [rate.seconds_to_wait(home[1]) > 0 for _ in range(2)] == [False, False]
+    assert [ask(rate, home[0]) > 0 for _ in range(3)] == [False, False, True]
+    assert [ask(rate, home[1]) > 0 for _ in range(2)] == [False, False]
     assert rate.seconds_to_wait(home[2]) > 0  # the /56 has twice the limit
     assert rate.seconds_to_wait(client_of_address("2001:db8:0:200::1")) == 0
 
@@ -522,7 +529,7 @@ class Clock:
 
 def test_processor_time_is_limited_in_a_window_that_moves() -> None:
     clock = Clock()
-    limiter = CpuLimiter(Settings(cpu_limit="10/minute; 15/hour").cpu_limits, clock)
+    limiter = RateLimiter(Settings(cpu_limit="10/minute; 15/hour").cpu_limits, clock)
     assert limiter
     assert limiter.seconds_to_wait(ME) == 0
     limiter.charge(ME, 6.0)
@@ -555,22 +562,30 @@ def test_a_client_that_used_its_processor_time_waits(estimator: Estimator, jpeg:
 
 def test_who_has_a_key_is_known_by_it(estimator: Estimator) -> None:
     client = client_of(estimator, rate_limit="1/minute", api_keys="one two")
-    bearers = [{"Authorization": f"Bearer {key}"} for key in ("one", "one", "two", "wrong", "other")]
-    statuses = [client.get("/v1/model", headers=headers).status_code for headers in bearers]
-    assert statuses == [200, 429, 200, 403, 429]
+    bearers = ("Bearer one", "Bearer one", "Bearer  one", "bearer one ", "Bearer two", "Bearer wrong", "Bearer other")
+    statuses = [client.get("/v1/model", headers={"Authorization": text}).status_code for text in bearers]
+    assert statuses == [200, 429, 429, 429, 200, 403, 429]
 
 
 def test_several_limits_apply_together() -> None:
     rate = RateLimiter(Settings(rate_limit="5/second; 2/hour").rate_limits)
-    waits = [rate.seconds_to_wait(ME) for _ in range(3)]
+    waits = [ask(rate) for _ in range(3)]
     assert waits[:2] == [0, 0]
     assert 3000 < waits[2] <= 3600
     assert rate.seconds_to_wait(Asker(("you",))) == 0
 
 
+def test_a_clock_that_is_set_changes_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    rate, now = RateLimiter(Settings(rate_limit="1/minute").rate_limits), time.time()
+    ask(rate)
+    for set_to in (now - 3600, now + 3600):
+        monkeypatch.setattr(time, "time", lambda set_to=set_to: set_to)
+        assert 0 < ask(rate) <= 60
+
+
 def test_a_refused_request_counts_for_no_limit() -> None:
     rate = RateLimiter(Settings(rate_limit="1/minute; 3/hour").rate_limits)
-    waits = [rate.seconds_to_wait(ME) for _ in range(9)]
+    waits = [ask(rate) for _ in range(9)]
     assert waits[0] == 0
     assert all(0 < wait <= 60 for wait in waits[1:])
 

@@ -382,6 +382,18 @@ def status_for_host(estimator: Estimator, host: str, server: str = "127.0.0.1", 
     return answer.status_code
 
 
+def test_a_range_that_a_file_has_not_is_a_problem(estimator: Estimator, tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(b"0123456789")
+    client = client_of(estimator, photo=tmp_path / "a.jpg", photo_secret="s")
+    answer = client.get("/opened/s", headers={"Range": "bytes=2-3"})
+    assert (answer.status_code, answer.content) == (206, b"23")
+    answer = client.get("/opened/s", headers={"Range": "bytes=10-"})
+    problem(answer, 416, "bad-range")
+    assert answer.headers["content-range"].endswith("*/10")
+    for text in ("bytes=5-2", "bytes=x", "apples=1-2", "bytes=", "bytes=" + "9" * 5000 + "-"):
+        problem(client.get("/opened/s", headers={"Range": text}), 416, "bad-range")
+
+
 @pytest.mark.parametrize(
     "host", ["127.0.0.1:8000", "localhost:8000", "[::1]:8000", "LocalHost.", "a.localhost", "lamp", "10.1.1.1"]
 )

@@ -19,8 +19,11 @@ from schemathesis.generation.meta import CoveragePhaseData, CoverageScenario
 from schemathesis.hooks import HookContext
 from starlette.testclient import TestClient
 
+import lighting.rendered_map as rendered_map
+import lighting.scene.records as records
 from lighting.envmap.surroundings import render_view
 from lighting.estimator import Estimator
+from lighting.photo_estimate import Estimate
 from server import tasks
 from server.app import create_app
 from server.problems import KINDS
@@ -146,10 +149,13 @@ schemathesis.openapi.format("binary", PHOTOS)
 @pytest.fixture
 def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     """A service that draws small pictures, whatever the size asked for."""
-    monkeypatch.setattr(tasks, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options))
-    monkeypatch.setattr(tasks, "draw_preview_pixels", lambda *_, **__: scene(16, 16))
+    monkeypatch.setattr(
+        rendered_map, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options)
+    )
+    monkeypatch.setattr(Estimate, "preview", lambda *_: scene(16, 16))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
-    monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: SimpleNamespace(warnings=("It was dark.",)))
+    for module in (tasks, records):
+        monkeypatch.setattr(module, "make_scene", lambda *_, **__: SimpleNamespace(warnings=("It was dark.",)))
     app = create_app(Settings(), estimator)
     app.state.service.warm_up()
     return app

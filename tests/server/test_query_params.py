@@ -70,7 +70,8 @@ def test_a_record_takes_nothing_that_describes_a_photo() -> None:
     refuse_photo_parameters(EnvmapQuery(sky="perez"))
     for query, field in (
         (EnvmapQuery(vertical_fov=50.0), "vertical_fov"),
-        (EnvmapQuery(surroundings=True), "surroundings"),
+        (EnvmapQuery(around="photo"), "around"),
+        (EnvmapQuery(surroundings=False), "around"),
     ):
         with pytest.raises(ProblemError) as caught:
             refuse_photo_parameters(query)
@@ -303,6 +304,7 @@ def test_coordinates_are_told_to_nobody_but_who_asks(client: TestClient, caplog:
 
 
 @pytest.mark.parametrize("headings", [None, [0.0, 45.0]])
+@pytest.mark.needs("cv2")
 def test_photos_of_one_form_are_taken_together(
     client: TestClient, estimator: Estimator, headings: list[float] | None
 ) -> None:
@@ -313,7 +315,7 @@ def test_photos_of_one_form_are_taken_together(
     answer = together(client, PHONE, OTHER, **query).json()
     assert list(answer) == ["lightings"]
     for record, estimate in zip(answer["lightings"], found, strict=True):
-        assert record.pop("links")["envmap"].startswith("/v1/envmap?")
+        assert record.pop("links")["envmap"].startswith("envmap?")
         assert record == json.loads(json.dumps(record_with_coefficients(estimate.lighting, estimate.light_probe())))
 
 
@@ -369,10 +371,19 @@ def test_a_compression_that_goes_with_no_such_format_is_named(client: TestClient
     assert [error["field"] for error in problem(answer, 422, "invalid")["errors"]] == ["compression"]
 
 
+def test_the_two_switches_of_former_days_say_what_is_around() -> None:
+    assert EnvmapQuery.model_validate({}).view().around == "place"
+    assert EnvmapQuery.model_validate({"surroundings": "true", "detail": "false"}).view().around == "photo"
+    assert EnvmapQuery.model_validate({"surroundings": "false", "detail": "true"}).view().around == "plain"
+    for old in ({"detail": "maybe"}, {"detail": "true", "around": "photo"}):
+        with pytest.raises(ValidationError, match=r"detail|around"):
+            EnvmapQuery.model_validate(old)
+
+
 def test_a_compression_goes_with_exr_alone_and_its_default_with_all() -> None:
-    assert MapQuery(format="png", compression="zip").compression == "zip"
-    assert MapQuery(format="exr", compression="pxr24").compression == "pxr24"
-    with pytest.raises(ValidationError, match="compression goes with format=exr"):
+    assert MapQuery(format="png", compression="zip").file_options().format == "png"
+    assert MapQuery(format="exr", compression="pxr24").file_options().compression == "pxr24"
+    with pytest.raises(ValidationError, match="compression goes with the format exr"):
         MapQuery(format="hdr", compression="pxr24")
 
 

@@ -11,6 +11,7 @@ from threading import Thread
 from typing import Any
 
 import pytest
+from opentelemetry.proto.collector.trace.v1 import trace_service_pb2 as trace_service
 from pydantic import ValidationError
 from starlette.testclient import TestClient
 
@@ -20,9 +21,6 @@ from server.app import create_app
 from server.settings import Settings
 from server.tracing import RequestTracer
 from tests.server.conftest import SKY, client_of, pack, wait
-
-trace_service = pytest.importorskip("opentelemetry.proto.collector.trace.v1.trace_service_pb2")
-pytest.importorskip("opentelemetry.exporter.otlp.proto.http")
 
 TRACE, PARENT = "4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7"
 

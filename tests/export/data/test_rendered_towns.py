@@ -49,7 +49,7 @@ def test_an_llvm_that_ends_the_process_is_not_taken(tmp_path: Path, monkeypatch:
         find_llvm()
 
 
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_the_sky_is_seen_where_it_is() -> None:
     sky, height = clear(), 64
     traced = RenderedTown(plain(4.0), NOTHING, sky).panorama(height, 0)
@@ -61,7 +61,7 @@ def test_the_sky_is_seen_where_it_is() -> None:
     assert angle_between(peak, sky.lighting.sun_direction) < 3.0
 
 
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_level_ground_shines_by_lambert_s_law() -> None:
     """Under an even sky L: albedo x L. Under the sun alone: albedo / pi x E x sin(elevation)."""
     even = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0).repeat(3, axis=2).astype(np.float32)
@@ -75,7 +75,7 @@ def test_level_ground_shines_by_lambert_s_law() -> None:
     )
 
 
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_a_shadow_falls_away_from_the_sun() -> None:
     """Of a tower in the sun's direction: the ground on our side is dark, and so are we; behind us it is lit."""
     sky = clear(elevation=30.0)
@@ -90,7 +90,7 @@ def test_a_shadow_falls_away_from_the_sun() -> None:
     assert scene.is_clear()
 
 
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_a_camera_in_a_corner_is_not_clear() -> None:
     wall = _box(np.array([0.0, 0.9]), np.array([8.0, 3.0, 0.4]), 0.0, np.array(ALBEDO))
     assert not RenderedTown(_join([plain(), wall]), NOTHING, clear()).is_clear()
@@ -127,7 +127,7 @@ def test_the_disc_holds_the_sun_s_irradiance() -> None:
     np.testing.assert_allclose(flux, sky.sun_irradiance, rtol=0.02)
 
 
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
     run = CliRunner().invoke
     folder = tmp_path / "towns"
@@ -156,7 +156,7 @@ def test_a_share_of_the_towns_is_held_out_evenly(share: float, numbers: list[int
     assert [number for number in range(10) if rendered_towns._split_of(number, share) == "val"] == numbers
 
 
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_visible_suns_are_found_where_the_labels_have_them() -> None:
     errors = []
     for number in range(7):

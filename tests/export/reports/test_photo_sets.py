@@ -25,7 +25,7 @@ from lighting.geometry import wrap_azimuth
 from lighting.model import Model
 from tests.helpers.cameras import texture
 
-pytest.importorskip("cv2")
+pytestmark = pytest.mark.needs("cv2")
 
 
 def folder_of(path: Path, places: int) -> Path:

@@ -69,7 +69,7 @@ def test_what_the_ground_shows_has_a_name() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_a_rendered_photo_is_darker_in_shade_and_is_reported(lit_network: Path) -> None:
     (scene,) = _render_scenes(1)
     seen = scene.picture.mean(axis=-1)

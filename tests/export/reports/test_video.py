@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -33,8 +34,6 @@ from lighting.video.shot import solve_shot
 from lighting.video.tracking import ClipMetadata
 from tests.helpers.clips import FOV, SIZE, panorama
 
-cv2 = pytest.importorskip("cv2")
-
 COUNT = round(CLIP_RATE * CLIP_SECONDS)
 
 
@@ -46,7 +45,7 @@ def sunny(tmp_path_factory: pytest.TempPathFactory) -> Panorama:
 
 
 def test_a_camera_sees_what_its_pinhole_does() -> None:
-    picture: Pixels = cv2.GaussianBlur(panorama(), (0, 0), 6.0)
+    picture: Pixels = cv2.GaussianBlur(panorama(), (0, 0), 6.0).astype(np.uint8)
     rays = camera_directions(Pinhole(64, 36, 50.0, 170.0, 12.0, -7.0))  # across the seam
     expected = sample_latlong(picture.astype(np.float32), rays)
     seen = _view_panorama(picture, (170.0, 12.0, -7.0), 50.0, (64, 36))

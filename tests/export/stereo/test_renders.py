@@ -132,7 +132,6 @@ def test_a_ball_under_a_sky_is_as_bright_as_its_light_vectors_say(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A ball reflects nothing onto itself, so the path tracer must agree with the integrals."""
-    pytest.importorskip("mitsuba")
     monkeypatch.setattr(evaluate, "_SIDE", 20)
     monkeypatch.setattr(evaluate, "_SAMPLES", 128)
     write_sphere(tmp_path / "ball.obj")

@@ -47,7 +47,7 @@ def test_sun_targets_narrow_while_the_run_goes_on(config: TrainConfig) -> None:
     torch.testing.assert_close(crops[99].sun, usual[99].sun)
 
 
-@pytest.mark.usefixtures("llvm")
+@pytest.mark.needs("mitsuba", "llvm")
 def test_samples_are_one_crop_of_each_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dataset, "DOWN", 1)
     rendered_towns.render_towns(tmp_path / "towns", 8, 16)

@@ -30,7 +30,7 @@ def many(tmp_path: Path) -> Path:
     """So many photos that a batch can be stopped half-way."""
     folder = tmp_path / "many"
     folder.mkdir()
-    (folder / "0000.jpg").write_bytes(encode(scene(640, 480)))
+    (folder / "0000.jpg").write_bytes(encode(scene(320, 240)))
     for number in range(1, MANY_PHOTOS):
         os.link(folder / "0000.jpg", folder / f"{number:04}.jpg")
     return folder

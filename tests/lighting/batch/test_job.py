@@ -8,39 +8,39 @@ import pytest
 
 from lighting.batch.job import (
     BatchJob,
-    MapOptions,
+    MapOutput,
     PhotoLight,
     Summary,
     check_settings,
     estimate_or_error,
     job_settings,
     load_worker_estimator,
-    write_photo_map,
 )
 from lighting.batch.results import format_counts
-from lighting.envmap.relighting import Adjustments, adjust_lighting
-from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.errors import BatchError, ModelError
-from lighting.files.exr import read_exr
+from lighting.files import FileOptions
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
-from lighting.light_probe import compute_light_probe
+from lighting.map_options import Adjustments, MapOptions
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, scene
-from tests.helpers.scenes import outdoors
 
 
 def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_path: Path) -> None:
-    job = BatchJob(str(tmp_path), "out", str(network), MapOptions(64), user_input=UserInput(vertical_fov=40.0))
+    job = BatchJob(
+        str(tmp_path), "out", str(network), MapOutput(MapOptions(64)), user_input=UserInput(vertical_fov=40.0)
+    )
     found = job_settings(job)
     assert found["maps"] == {
-        "height": 64,
-        "sun": None,
-        "yaw": 0.0,
-        "sky": None,
-        "compression": "zip",
-        "surroundings": None,
-        "detail": True,
-        "colours": "rec709",
+        "view": {
+            "height": 64,
+            "sun": None,
+            "yaw": 0.0,
+            "sky": None,
+            "around": "place",
+            "disc": True,
+            "adjustments": {"sun": None, "exposure": 0.0, "haze": None, "overcast": False},
+        },
+        "file": {"format": "exr", "compression": "zip", "colors": "rec709"},
     }
     assert found["metadata"] == {"vertical_fov": 40.0}
     assert found["network"] == network.name
@@ -81,46 +81,33 @@ def test_a_photo_has_its_light_or_a_reason(network: Path, tmp_path: Path) -> Non
     answer = estimate_or_error(estimator, encode(scene(64, 48)), job)
     assert isinstance(answer, PhotoLight)
     assert answer.lighting.vertical_fov == 40.0
-    assert answer.context is None
+    assert answer.rendered is None
     assert str(estimate_or_error(estimator, b"no photo", job)).startswith("This is a text")
 
 
-def test_a_map_has_the_light_as_it_is_adjusted(tmp_path: Path) -> None:
-    light, changes = outdoors(10.0, 30.0), Adjustments(sun=(40.0, 25.0), exposure=1.0)
-    maps = MapOptions(16, adjustments=changes)
-    write_photo_map(tmp_path / "map.exr", PhotoLight(light, compute_light_probe(light), None), maps)
-    expected, _ = render_view(adjust_lighting(light, changes), 16)
-    found, stored = read_exr(tmp_path / "map.exr")
-    assert found == pytest.approx(expected, rel=1e-3, abs=1e-6)
-    assert stored
-    assert (stored.sun_azimuth, stored.sun_elevation) == (40.0, 25.0)
-
-
 def test_the_same_adjustments_go_on_with_a_batch(network: Path, tmp_path: Path) -> None:
-    job = BatchJob(str(tmp_path), "out", str(network), MapOptions(16, adjustments=Adjustments(sun=(40, 25))))
+    job = BatchJob(str(tmp_path), "out", str(network), MapOutput(MapOptions(16, adjustments=Adjustments(sun=(40, 25)))))
     settings = job_settings(job)
     check_settings(json.dumps(settings).encode(), settings, True, "out")
-    assert settings["maps"]["adjustments"]["sun"] == [40, 25]  # type: ignore[index]
+    assert settings["maps"]["view"]["adjustments"]["sun"] == [40, 25]  # type: ignore[index]
 
 
-@pytest.mark.parametrize("wanted", [None, True, False])
-def test_a_map_shows_the_place_as_envmap_does(tmp_path: Path, wanted: bool | None) -> None:
+@pytest.mark.parametrize(
+    "view", [MapOptions(32), MapOptions(32, around="plain", adjustments=Adjustments(sun=(40.0, 25.0), exposure=1.0))]
+)
+def test_a_map_is_that_of_the_estimate(tmp_path: Path, view: MapOptions) -> None:
     photo = tmp_path / "photo.jpg"
     photo.write_bytes(encode(scene(320, 240)))
-    maps = MapOptions(32, surroundings=wanted)
-    job = BatchJob(str(tmp_path), "out", maps=maps)
+    job = BatchJob(str(tmp_path), "out", maps=MapOutput(view, FileOptions("hdr")))
     estimator = load_worker_estimator(job)
     answer = estimate_or_error(estimator, photo, job)
     assert isinstance(answer, PhotoLight)
-    write_photo_map(tmp_path / "map.exr", answer, maps)
-    picture = read_photo(photo)
-    place = photo_context_for_height(
-        estimator(picture, NO_USER_INPUT), picture.pixels, 32, picture.pixels.repeat, surroundings=wanted
-    )
-    assert (place is None) == (wanted is False)  # the packaged network predicts what lies around
-    expected, _ = render_view(answer.lighting, 32, context=place)
-    found, _ = read_exr(tmp_path / "map.exr")
-    assert found == pytest.approx(expected, rel=1e-3, abs=1e-6)
+    assert answer.rendered
+    expected = estimator(read_photo(photo), NO_USER_INPUT).render(view)
+    assert answer.rendered.encode(FileOptions("hdr")) == expected.encode(FileOptions("hdr"))
+    assert answer.rendered.lighting == expected.lighting
+    assert job.maps
+    assert job.maps.file_name("a/photo.jpg") == "a/photo.jpg.hdr"
 
 
 @pytest.mark.parametrize(

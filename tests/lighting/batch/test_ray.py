@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import ray
 from click.testing import CliRunner, Result
 
 from lighting.cli import cli
 from lighting.files.exr import read_exr
 from tests.conftest import encode, scene
-
-ray = pytest.importorskip("ray", reason="needs Ray: pip install 'outdoor-lighting[ray]'")
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # Ray and its children warn of much
 

@@ -233,7 +233,8 @@ def test_the_lack_of_pyarrow_is_one_sentence(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_strength_of_the_light_has_columns_of_its_own() -> None:
-    pyarrow = pytest.importorskip("pyarrow")
+    import pyarrow
+
     light = Lighting(0.0, 30.0, 3.0, 1.0, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), suitable=0.9)
     table = pyarrow.Table.from_pylist([table_row("a.jpg", light), table_row("b.jpg", "It is damaged.")], table_schema())
     assert table["sun_irradiance"].to_pylist() == [[3.0, 2.0, 1.0], None]
@@ -272,8 +273,8 @@ def test_results_of_other_settings_are_refused_on_ray(
     assert file.read_text() == content
 
 
+@pytest.mark.needs("pyarrow")
 def test_an_actor_of_ray_reads_sidecars_and_makes_rows_of_texts(tmp_path: Path, network: Path) -> None:
-    pytest.importorskip("pyarrow")
     (tmp_path / "a.jpg").write_bytes(encode(scene(320, 240)))
     taken = {"photoTakenTime": {"timestamp": "1717253400"}, "geoData": {"latitude": 48.1, "longitude": 11.6}}
     (tmp_path / "a.jpg.supplemental-metadata.json").write_text(json.dumps(taken))

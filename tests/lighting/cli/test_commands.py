@@ -15,6 +15,7 @@ from lighting.cli import Command, Group, cli
 from lighting.envmap.render import render
 from lighting.files.exr import write_exr
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, list_commands
+from tests.helpers.requirements import find
 
 
 def all_commands() -> Iterator[tuple[str, Command | Group]]:
@@ -105,7 +106,7 @@ def test_one_argument_too_many_is_named(tmp_path: Path) -> None:
         (["--lat", "48"], "--lat needs --lon too, such as --lat 48.14 --lon 11.58."),
         (["--longitude", "11"], "--lon needs --lat too, such as --lat 48.14 --lon 11.58."),
         (["--heading", "north"], "Invalid value for '--heading': 'north' is not a number such as 134.2."),
-        (["--haze", "thick"], "Invalid value for '--haze': 'thick' is not a number such as 3."),
+        (["--haze", "thick"], "Invalid value for '--haze': 'thick' is not a number such as 3.4."),
     ],
 )
 def test_errors_say_what_to_type(arguments: list[str], sentence: str) -> None:
@@ -196,7 +197,7 @@ def test_the_doctor_says_what_works() -> None:
     findings = {finding["name"]: finding for finding in json.loads(result.stdout)}
     assert result.exit_code == 0
     assert findings["network"]["text"].startswith("outdoor ")
-    assert findings["OpenCV"]["found"]
+    assert findings["OpenCV"]["found"] is (find("cv2") is not None)
     assert {"answer", "page", "Blender"} <= findings.keys()
 
 

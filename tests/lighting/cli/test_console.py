@@ -15,7 +15,7 @@ import pytest
 from pydantic_core import from_json
 
 import lighting.cli.photos as photos
-import lighting.estimator as estimator
+import lighting.fusion.estimate as fusion
 from lighting.cli.console import (
     _CONTROLS,
     MAPS,
@@ -311,10 +311,10 @@ def test_the_line_of_an_answer_says_when_the_photo_was_taken() -> None:
 
 def test_the_network_is_gone_before_the_next_one_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     networks: list[weakref.ref[Model]] = []
-    answer = estimator.estimate_from_prediction
+    answer, load = fusion.estimate_light, Model.load
 
-    def load(_: object) -> Model:
-        model = Model.load(for_one_photo=True)
+    def load_watched(*given: Any, **options: Any) -> Model:
+        model = load(*given, **options)
         networks.append(weakref.ref(model))
         return model
 
@@ -322,10 +322,9 @@ def test_the_network_is_gone_before_the_next_one_is_loaded(monkeypatch: pytest.M
         assert [network() for network in networks] == [None]
         return answer(*given)
 
-    monkeypatch.setattr(photos, "_load_for_one_photo", load)
-    monkeypatch.setattr(estimator, "estimate_from_prediction", estimate)
-    data = (ROOT / "examples" / "wide_street.jpg").read_bytes()
-    assert photos.estimate_photo("-", data, UserInput(), None)[1].segments is not None
+    monkeypatch.setattr(Model, "load", load_watched)
+    monkeypatch.setattr(fusion, "estimate_light", estimate)
+    assert photos.estimate_file(str(ROOT / "examples" / "wide_street.jpg"), UserInput(), None).segments is not None
     assert len(networks) == 1
 
 
@@ -548,7 +547,9 @@ def test_a_record_with_its_photo_has_the_map_of_the_photo(lit_network: Path, pho
     assert alone.stderr == "Sky only: the place needs the photo (--photo PHOTO).\n"
     assert not np.array_equal(read_exr(tmp_path / "a.exr")[0], read_exr(tmp_path / "c.exr")[0])
     assert invoke_command("render", record, "-o", tmp_path / "d.exr", "--no-surroundings", *SMALL).stderr == ""
-    assert "need --photo." in error_of(invoke_command("render", record, "-o", tmp_path / "e.exr", "--surroundings"), 2)
+    assert "need --photo." in error_of(
+        invoke_command("render", record, "-o", tmp_path / "e.exr", "--around", "photo"), 2
+    )
 
 
 # Unsuitable photos

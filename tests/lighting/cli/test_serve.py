@@ -5,6 +5,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -121,10 +122,22 @@ def test_what_the_service_refuses_ends_the_command(start: Start, tmp_path: Path)
     assert not (tmp_path / "url").exists()
 
 
-def test_open_refuses_what_is_no_file(start: Start) -> None:
-    process = start("open", "none.jpg")
-    assert "none.jpg' does not exist" in process.communicate(timeout=60)[1]
-    assert process.returncode == 2
+@pytest.mark.slow
+def test_a_taken_port_is_never_advertised_and_without_one_the_next_is_taken(start: Start) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        refused = start("serve", "--port", str(port))
+        said = f"Error: Another program listens on port {port}; without --port it takes a free one.\n"
+        assert refused.communicate(timeout=60) == ("", said)
+        assert refused.returncode == 1
+    first = start("serve", "--json")
+    assert first.stdout
+    url = json.loads(first.stdout.readline())["url"]
+    second = start("serve", "--json")
+    assert second.stdout
+    following = json.loads(second.stdout.readline())["url"]
+    assert urlsplit(url).port != urlsplit(following).port
+    assert [get(f"{one}livez")[0] for one in (url, following)] == [200, 200]
 
 
 def test_the_command_line_imports_nothing_of_the_service() -> None:

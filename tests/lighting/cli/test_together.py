@@ -10,7 +10,7 @@ from tests.conftest import encode, munich
 from tests.helpers.cameras import picture, texture
 from tests.helpers.processes import invoke_command
 
-pytest.importorskip("cv2")
+pytestmark = pytest.mark.needs("cv2")
 AHEAD, ASIDE = (0.0, 2.0, 0.0), (25.0, -1.0, 1.0)
 
 

@@ -45,7 +45,9 @@ from lighting.geometry import (
     latlong_directions,
     latlong_solid_angle,
 )
+from lighting.map_options import MapOptions
 from lighting.records import Lighting, record_with_coefficients
+from lighting.rendered_map import render_map
 from lighting.sky import SKY_MODELS, Weather, sky_shape
 from lighting.sky.clear_sky import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
 from lighting.sky.perez import lalonde_matthews_sun
@@ -450,7 +452,7 @@ def test_large_maps_hold_a_wider_sun(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_other_skies_end_there_too(sky: str) -> None:
     assert sky in SKY_MODELS
     light = with_irradiance(light_of(35.0, 900.0))
-    image, _ = render_view(light, 256, sky=sky)
+    image = render_map(light, MapOptions(256, sky=sky)).image
     assert image.max() <= HALF
     level = irradiances(image, light)[1]
     expected = np.array(light.sky_irradiance) + np.array(light.sun_irradiance) * light.sun_direction[1]

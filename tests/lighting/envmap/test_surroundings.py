@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import lighting.rendered_map as rendered_map
 from lighting.color import srgb_decode
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.envmap.relighting import edit_lighting, rotate_envmap
@@ -18,13 +19,14 @@ from lighting.envmap.surroundings import (
     PhotoContext,
     _extrapolate_edges,
     _move_glow,
-    photo_context,
-    photo_context_for_height,
     render_view,
     render_with_surroundings,
     surroundings_gain,
 )
 from lighting.geometry import angle_between, latlong_directions
+from lighting.map_options import MapOptions
+from lighting.photo.reader import Photo
+from lighting.photo_estimate import Estimate
 from lighting.records import EstimatedLight, Lighting, SunDistribution
 from tests.helpers.predictions import SKY_IRRADIANCE, model_light, stated_light
 
@@ -145,11 +147,7 @@ def test_a_light_that_is_exposed_otherwise_brightens_its_place_with_it(factor: f
 @pytest.mark.parametrize("moved", [180.0, -90.0])
 def test_the_skys_bright_side_follows_a_sun_that_is_moved(moved: float) -> None:
     light = replace(stated_light(sky_cover=0.1), vertical_fov=20.0, camera_elevation=-40.0)  # the photo shows ground
-    estimate = EstimatedLight(
-        light, SunDistribution("fibonacci:64", np.full(64, 1 / 64, np.float32)), coarse_panorama(light)
-    )
-    context = photo_context(estimate, PHOTO)
-    assert context is not None
+    context = PhotoContext(PHOTO, coarse_panorama(light), light.exposure, light, detail=True)
     there = (light.sun_azimuth + moved + 180.0) % 360.0 - 180.0
     sky = render_with_surroundings(edit_lighting(light, {"sun_azimuth": there}), context, HEIGHT, disc=False)[
         : HEIGHT // 2, :, 1
@@ -212,29 +210,53 @@ def test_the_same_cells_as_the_bare_map_change_little_beside_the_photo() -> None
     assert np.median(np.abs(image[upper] / bare[upper] - 1)) < 0.05
 
 
-def estimate(cells: np.ndarray | None) -> EstimatedLight:
-    return EstimatedLight(stated_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
+def estimate(cells: np.ndarray | None) -> Estimate:
+    light = EstimatedLight(stated_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
+    return Estimate.of_photo(Photo(PHOTO, PHOTO.shape[1], PHOTO.shape[0], "PIXELS"), light)
 
 
 @pytest.mark.parametrize(("height", "asked"), [(96, []), (512, [1000]), (4096, [1000])])
-def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(height: int, asked: list[int]) -> None:
+def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(
+    height: int, asked: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
     sides: list[int] = []
+    shown: list[PhotoContext | None] = []
 
-    def finer(side: int) -> np.ndarray:
+    def reread(photo: Photo, side: int) -> Photo:
         sides.append(side)
-        return PHOTO.repeat(2, axis=0).repeat(2, axis=1)
+        return replace(photo, pixels=PHOTO.repeat(2, axis=0).repeat(2, axis=1))
 
-    context = photo_context_for_height(estimate(coarse_panorama(stated_light())), PHOTO, height, finer)
+    monkeypatch.setattr(Photo, "reread", reread)
+    monkeypatch.setattr(rendered_map, "render_map", lambda _light, _options, context: shown.append(context))
+    estimate(coarse_panorama(stated_light())).render(MapOptions(height))
+    (context,) = shown
     assert context is not None
     assert sides == asked
     assert (context.photo is PHOTO) == (not asked)
 
 
-@pytest.mark.parametrize(("known", "wanted", "shows"), [(True, None, True), (False, None, False), (True, False, False)])
-def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, wanted: bool | None, shows: bool) -> None:
+@pytest.mark.parametrize(
+    ("known", "around", "shows"), [(True, "place", True), (False, "place", False), (True, "plain", False)]
+)
+def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, around: str, shows: bool) -> None:
     answer = estimate(coarse_panorama(stated_light()) if known else None)
-    assert (photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, surroundings=wanted) is not None) == shows
-    assert photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, surroundings=True) is not None
+    assert (answer.context(around) is not None) == shows
+    assert answer.context("photo") is not None
+
+
+def test_the_detail_is_chosen_once_for_all_resolutions() -> None:
+    answer = estimate(coarse_panorama(stated_light()))
+    place, finer = answer.context(), answer.context("place", np.full((600, 800, 3), 200, np.uint8))
+    assert place is not None
+    assert finer is not None
+    assert place is answer.context()
+    source = place.own_source
+    assert finer.own_source != source  # by its own pixels it would be another
+    assert finer.first is place
+    np.testing.assert_array_equal(
+        render_with_surroundings(stated_light(), finer, 64),
+        render_with_surroundings(stated_light(), replace(finer, first=None, source=source), 64),
+    )
 
 
 def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
@@ -315,12 +337,17 @@ def test_a_view_is_the_map_of_its_record() -> None:
     np.testing.assert_array_equal(image, render(CLOUDY_LIGHT, 32))
 
 
+def painted(light: Lighting, sky: str) -> tuple[np.ndarray, Lighting]:
+    rendered = rendered_map.render_map(light, MapOptions(32, sky=sky))
+    return rendered.image, rendered.lighting
+
+
 def test_another_sky_is_in_the_record() -> None:
-    image, light = render_view(CLOUDY_LIGHT, 32, sky="preetham")
+    image, light = painted(CLOUDY_LIGHT, "preetham")
     assert light == replace(CLOUDY_LIGHT, sky_painted="preetham")
     np.testing.assert_array_equal(image, render(light, 32))
     np.testing.assert_array_equal(image, render(replace(CLOUDY_LIGHT, sky_model="preetham"), 32))
-    again, light = render_view(replace(CLOUDY_LIGHT, sky_model="perez"), 32, sky="preetham")
+    again, light = painted(replace(CLOUDY_LIGHT, sky_model="perez"), "preetham")
     np.testing.assert_array_equal(again, image)
     assert light.map_sky == "preetham"
 

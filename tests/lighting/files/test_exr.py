@@ -347,7 +347,8 @@ def test_channels_are_r_g_b(image: NDArray[np.float32], compression: str, kind: 
 
 @pytest.mark.parametrize("compression", ["none", "zip"])
 def test_mitsuba_reads_it(tmp_path: Path, rounded_map: NDArray[np.float32], compression: str) -> None:
-    mitsuba = pytest.importorskip("mitsuba")
+    import mitsuba
+
     mitsuba.set_variant("scalar_rgb")
     write_exr(tmp_path / "map.exr", rounded_map, RECORDED_LIGHT, compression=compression)
     np.testing.assert_array_equal(np.array(mitsuba.Bitmap(str(tmp_path / "map.exr"))), rounded_map)
@@ -605,21 +606,23 @@ def test_a_deep_picture_is_refused(data: bytes) -> None:
 @pytest.mark.parametrize("colours", ["rec709", "acescg", "linear-p3"])
 def test_maps_in_other_colours_are_what_other_programs_convert(colours: str, tmp_path: Path) -> None:
     """By OpenColorIO's own configuration, and OpenImageIO's reading of the header."""
-    ocio, oiio = pytest.importorskip("PyOpenColorIO"), pytest.importorskip("OpenImageIO")
+    import OpenImageIO
+    import PyOpenColorIO
+
     image = np.random.default_rng(5).uniform(0.1, 2.0, (8, 16, 3)).astype(np.float32)
-    write_exr(tmp_path / "a.exr", image, compression="none", colours=colours)
+    write_exr(tmp_path / "a.exr", image, compression="none", colors=colours)
     spaces = {"rec709": "Linear Rec.709 (sRGB)", "acescg": "ACEScg", "linear-p3": "Linear P3-D65"}
-    config = ocio.Config.CreateFromBuiltinConfig("cg-config-v2.1.0_aces-v1.3_ocio-v2.3")
+    config = PyOpenColorIO.Config.CreateFromBuiltinConfig("cg-config-v2.1.0_aces-v1.3_ocio-v2.3")
     processor = config.getProcessor(spaces["rec709"], spaces[colours]).getDefaultCPUProcessor()
     expected = np.array(processor.applyRGB(image.ravel().tolist())).reshape(image.shape)
-    picture = oiio.ImageBuf(str(tmp_path / "a.exr"))
-    assert picture.get_pixels(oiio.FLOAT) == pytest.approx(expected, rel=1e-3, abs=1e-4)
+    picture = OpenImageIO.ImageBuf(str(tmp_path / "a.exr"))
+    assert picture.get_pixels(OpenImageIO.FLOAT) == pytest.approx(expected, rel=1e-3, abs=1e-4)
     names = {"rec709": "lin_rec709_scene", "acescg": "lin_ap1_scene", "linear-p3": "lin_p3d65_scene"}
     assert picture.spec().getattribute("colorInteropID") == names[colours]
     assert picture.spec().getattribute("chromaticities") == pytest.approx(COLOR_SPACES[colours][0])
     assert read_exr(tmp_path / "a.exr")[0] == pytest.approx(image, rel=1e-4, abs=1e-4)
     with pytest.raises(EnvironmentMapError, match="must be one of rec709, acescg, linear-p3"):
-        write_exr(tmp_path / "a.exr", image, colours="srgb")
+        write_exr(tmp_path / "a.exr", image, colors="srgb")
 
 
 @pytest.mark.parametrize("gain", [1.0, 1e6])

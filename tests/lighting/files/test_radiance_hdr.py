@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError
-from lighting.files import encode_envmap, write_envmap
+from lighting.files import FileOptions, encode_envmap, write_envmap
 from lighting.files.radiance_hdr import decode_hdr
 from tests.helpers.predictions import model_light
 
@@ -58,7 +58,7 @@ def rgbe_error(read: Map, image: Map) -> float:
 
 
 def test_hdr_comes_back_the_right_way_round(image: Map) -> None:
-    assert rgbe_error(decode_independently(encode_envmap(image, LIGHT, "hdr")), image) <= 1 / 255
+    assert rgbe_error(decode_independently(encode_envmap(image, LIGHT, FileOptions("hdr"))), image) <= 1 / 255
 
 
 def test_hdr_holds_the_extremes() -> None:
@@ -67,7 +67,7 @@ def test_hdr_holds_the_extremes() -> None:
     image[1, 1] = [1e-12, 3e-12, 0.0]
     image[2, 2] = [0.999999, 0.5, 0.25]
     image[3, 3] = [-1.0, 1e-45, 1e-45]
-    read = decode_independently(encode_envmap(image, None, "hdr"))
+    read = decode_independently(encode_envmap(image, None, FileOptions("hdr")))
     assert rgbe_error(read[[0, 1, 2], [0, 1, 2]], image[[0, 1, 2], [0, 1, 2]]) <= 1 / 255
     assert not read[3].any()
 
@@ -75,13 +75,14 @@ def test_hdr_holds_the_extremes() -> None:
 def test_hdr_codes_noise_and_flat_rows() -> None:
     noise = np.random.default_rng(0).random((140, 280, 3), dtype=np.float32)
     noise[70:] = 0.25
-    data = encode_envmap(noise, None, "hdr")
+    data = encode_envmap(noise, None, FileOptions("hdr"))
     assert rgbe_error(decode_independently(data), noise) <= 1 / 255
     assert len(data) < 1.02 * 70 * 280 * 4 + 70 * 30
 
 
 def test_mitsuba_reads_the_hdr(tmp_path: Path, image: Map) -> None:
-    mitsuba = pytest.importorskip("mitsuba")
+    import mitsuba
+
     mitsuba.set_variant("scalar_rgb")
     write_envmap(tmp_path / "map.hdr", image, LIGHT)
     assert rgbe_error(np.array(mitsuba.Bitmap(str(tmp_path / "map.hdr"))), image) <= 1 / 255

@@ -26,7 +26,8 @@ SMOOTH = np.cumsum(RANDOM.integers(0, 300, (37, 53, 3)), axis=1).astype(np.uint1
 
 
 def write_16(path: Path, pixels: NDArray[np.uint16]) -> Path:
-    cv2: Any = pytest.importorskip("cv2")
+    import cv2
+
     assert cv2.imwrite(str(path), pixels[..., ::-1])
     return path
 
@@ -208,8 +209,8 @@ def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
         read_linear(tmp_path / "none.png")
 
 
+@pytest.mark.needs("rawpy")
 def test_raw_photos_are_linear_whatever_their_brightest_pixel(tmp_path: Path) -> None:
-    pytest.importorskip("rawpy")
     ramp = np.tile(np.linspace(100, 16000, 200), (80, 1))
     for name, part in (("bright", 1.0), ("dark", 0.8)):
         (tmp_path / f"{name}.dng").write_bytes(plain_dng(ramp * part, white=16383))

@@ -4,6 +4,7 @@ import sys
 import time
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,7 +24,6 @@ from lighting.registration.rotations import camera_from_world
 from lighting.registration.two_view import detect_features
 from tests.helpers.cameras import Camera, picture, texture
 
-cv2 = pytest.importorskip("cv2")
 FOV = 52.0
 
 
@@ -190,7 +190,7 @@ def test_a_sheared_copy_takes_no_lens_beyond_all_numbers() -> None:
     noise = np.kron(np.random.default_rng(1).integers(0, 256, (60, 80), dtype=np.uint8), np.ones((5, 5), np.uint8))
     rolled, sheared = (
         np.roll(noise, 40, axis=1),
-        cv2.warpAffine(noise, np.array([[1, 0.3, 0], [0, 1, 0.0]]), (400, 300)),
+        cv2.warpAffine(noise, np.array([[1, 0.3, 0], [0, 1, 0.0]]), (400, 300)).astype(np.uint8),
     )
     registered = register_views(
         [

@@ -36,7 +36,7 @@ from lighting.registration.two_view import (
 )
 from tests.helpers.cameras import PIXEL, SIZE, Camera, matches, picture, relative_rotation, texture
 
-pytest.importorskip("cv2")
+pytestmark = pytest.mark.needs("cv2")
 A, B, STEP = (0.0, 2.0, 0.0), (20.0, -1.0, 1.0), (0.8, 0.0, -1.0)
 FOCAL = focal_from_fov(50.0, *SIZE)
 FLAT = np.full((480, 640, 3), 128, np.uint8)
@@ -111,7 +111,6 @@ def test_wrong_matches_do_not_obey() -> None:
     assert np.count_nonzero(_epipolar_inliers(matched)) == pytest.approx(0.7 * len(matched), rel=0.15)
 
 
-pytest.importorskip("cv2")
 LOOK_A, LOOK_B = (40.0, 4.0, 1.5), (72.0, -3.0, -2.0)
 
 
@@ -250,7 +249,6 @@ def test_a_small_zoom_is_no_walk(ratio: float, fovs: tuple[float | None, float |
 
 
 def test_a_pair_is_given_both_lenses() -> None:
-    pytest.importorskip("cv2")
     answer = estimate_rotation(matched(TELE), SIZE, SIZE, (45.0, 45.0), 7.0)
     assert answer is not None
     assert answer.zoomed
@@ -259,14 +257,12 @@ def test_a_pair_is_given_both_lenses() -> None:
 
 
 def test_a_lens_that_is_known_was_not_zoomed() -> None:
-    pytest.importorskip("cv2")
     answer = estimate_rotation(matched(TELE), SIZE, SIZE, (45.0, 45.0), 0.5)
     assert answer is not None
     assert not answer.zoomed
 
 
 def test_who_walks_does_not_zoom() -> None:
-    pytest.importorskip("cv2")
     answer = estimate_rotation(matches(ZOOMED_A, ZOOMED_B, WIDE, step=(0.3, 0.0, -0.9)), SIZE, SIZE, (45.0, 45.0), 7.0)
     assert answer is not None
     assert answer.translates

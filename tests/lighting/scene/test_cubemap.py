@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import struct
 import subprocess
 from pathlib import Path
@@ -18,6 +17,7 @@ from lighting.geometry import sample_latlong
 from lighting.light_probe import shader_harmonics
 from lighting.scene import CUBE_FACES
 from lighting.scene.cubemap import _encode_ktx1, _encode_ktx2, write_cubemap, write_filament
+from tests.helpers.requirements import require
 from tests.helpers.scenes import sunlit_scene
 
 
@@ -51,7 +51,6 @@ def test_filament_gets_harmonics_in_three_files(tmp_path: Path) -> None:
     assert size >> levels - 1 == 16
 
 
-NODE = Path(__file__).parents[2] / "node"
 RNG = np.random.default_rng(1)
 LEVELS = [np.asarray(10.0 ** RNG.uniform(-3, 4, (6, size, size, 3)), dtype=np.float32) for size in (4, 2)]
 
@@ -85,19 +84,17 @@ def test_packed_floats_end_at_their_largest_value() -> None:
     assert unpacked(np.frombuffer(data, "<u4", 6, len(data) - 24)) == pytest.approx(64512, rel=0.02)
 
 
-def read_by_node(script: str, package: str, file: Path) -> dict[str, Any]:
-    """What a script of tests/node prints about a file with the help of a package."""
-    program = shutil.which("node")
-    if program is None or not (NODE / "node_modules" / package).is_dir():
-        pytest.skip(f"node or {package} is not installed: npm ci --prefix tests/node")
-    done = subprocess.run([program, NODE / script, file], capture_output=True, check=True)
+def read_by_node(script: str, file: Path) -> dict[str, Any]:
+    """What a script of tests/node prints about a file."""
+    command = [require("node"), str(Path(require("tests/node")).with_name(script)), str(file)]
+    done = subprocess.run(command, capture_output=True, check=True)
     return dict(json.loads(done.stdout))
 
 
 def test_filaments_own_loader_reads_ktx_1(tmp_path: Path) -> None:
     file = tmp_path / "a.ktx"
     file.write_bytes(_encode_ktx1(LEVELS, {"sh": "1 2 3\n"}))
-    read = read_by_node("filament.cjs", "filament", file)
+    read = read_by_node("filament.cjs", file)
     assert (read["format"], read["width"], read["cubemap"], read["sh"]) == (0x8C3A, 4, True, "1 2 3\n")
     for faces, words in zip(LEVELS, read["levels"], strict=True):
         assert unpacked(np.array(words, np.uint32)).reshape(faces.shape) == pytest.approx(faces, rel=0.017, abs=1e-6)
@@ -106,7 +103,7 @@ def test_filaments_own_loader_reads_ktx_1(tmp_path: Path) -> None:
 def test_ktx_2_is_read_by_another_program(tmp_path: Path) -> None:
     file = tmp_path / "a.ktx2"
     file.write_bytes(_encode_ktx2(LEVELS))
-    read = read_by_node("ktx.mjs", "ktx-parse", file)
+    read = read_by_node("ktx.mjs", file)
     assert (read["format"], read["width"], read["height"], read["faces"]) == (97, 4, 4, 6)
     assert read["descriptor"]["colorModel"] == read["descriptor"]["transferFunction"] == 1
     for faces, numbers in zip(LEVELS, read["levels"], strict=True):

@@ -1,7 +1,6 @@
 """The glTF file, by its numbers and by the validator of Khronos."""
 
 import json
-import shutil
 import struct
 import subprocess
 from dataclasses import replace
@@ -19,9 +18,9 @@ from lighting.geometry import sample_latlong
 from lighting.light_probe import CONDON_SHORTLEY, _harmonics_basis
 from lighting.scene import gltf
 from tests.helpers.predictions import UNIT_NORMALS
+from tests.helpers.requirements import require
 from tests.helpers.scenes import sunlit_scene
 
-NODE = Path(__file__).parents[2] / "node"
 NOTED = {"IMAGE_NPOT_DIMENSIONS", "UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"}  # a photo's size; what it does not know
 
 
@@ -46,10 +45,8 @@ def matrix(item: dict[str, Any]) -> NDArray[Any]:
 
 def validated(file: Path) -> dict[str, Any]:
     """The Khronos validator's report."""
-    program = shutil.which("node")
-    if program is None or not (NODE / "node_modules" / "gltf-validator").is_dir():
-        pytest.skip("node or the Khronos validator is not installed: npm ci --prefix tests/node")
-    result = subprocess.run([program, NODE / "validate.cjs", file], capture_output=True, text=True, check=True)
+    command = [require("node"), str(Path(require("tests/node")).with_name("validate.cjs")), str(file)]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
     return dict(json.loads(result.stdout)["issues"])
 
 

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -13,9 +12,9 @@ import pytest
 
 from lighting.scene import gltf
 from tests.helpers.predictions import UNIT_NORMALS
+from tests.helpers.requirements import require
 from tests.helpers.scenes import sunlit_scene
 
-MODULES = Path(__file__).parents[2] / "node" / "node_modules"
 PAGE = """<!doctype html><canvas width="64" height="64"></canvas>
 <script src="$BABYLON"></script><script src="$LOADERS"></script>
 <script>
@@ -51,15 +50,13 @@ draw().then(
 
 @pytest.mark.slow
 def test_a_matte_ball_has_the_maps_irradiance(tmp_path: Path) -> None:
-    program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if program is None or not (MODULES / "babylonjs-loaders").is_dir():
-        pytest.skip("Chromium or Babylon.js is not installed: npm ci --prefix tests/node")
+    program, modules = require("chromium"), Path(require("tests/node"))
     scene = sunlit_scene()
     scene = replace(scene, environment=scene.environment * np.float32(0.5 / scene.environment.mean()))
     gltf.write_gltf(scene, tmp_path)
     values = {
-        "BABYLON": (MODULES / "babylonjs" / "babylon.js").as_uri(),
-        "LOADERS": (MODULES / "babylonjs-loaders" / "babylonjs.loaders.min.js").as_uri(),
+        "BABYLON": (modules / "babylonjs" / "babylon.js").as_uri(),
+        "LOADERS": (modules / "babylonjs-loaders" / "babylonjs.loaders.min.js").as_uri(),
         "GLB": base64.b64encode((tmp_path / gltf.FILE).read_bytes()).decode(),
         "NORMALS": json.dumps(UNIT_NORMALS.tolist()),
     }

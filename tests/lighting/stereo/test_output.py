@@ -112,6 +112,7 @@ def test_a_folder_is_named_by_a_text_too(tmp_path: Path) -> None:
         estimate_normals(str(tmp_path / "none"), NormalsOptions())
 
 
+@pytest.mark.needs("scipy")
 def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path: Path) -> None:
     result = run(day, "--lat", "47", "--lon", "0", "--heading", "20", "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output
@@ -150,6 +151,7 @@ def test_a_heading_that_is_opposite_is_noticed_and_doubted(day: Path) -> None:
     assert wrong.map.error[mask].mean() > 0.7 * off
 
 
+@pytest.mark.needs("scipy")
 def test_the_mesh_holds_every_pixel_and_its_triangles_face_the_camera(day: Path, tmp_path: Path) -> None:
     run(day, "--lat", "47", "--lon", "0", "--heading", "20", "--no-network", "--turbidity", "3", "-o", tmp_path)
     header, _, body = (tmp_path / "mesh.ply").read_bytes().partition(b"end_header\n")
@@ -163,6 +165,7 @@ def test_the_mesh_holds_every_pixel_and_its_triangles_face_the_camera(day: Path,
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
+@pytest.mark.needs("scipy")
 def test_results_are_replaced_where_told_and_other_files_stay(day: Path, tmp_path: Path) -> None:
     for name in ("notes.txt", "normals.json"):
         (tmp_path / name).write_text("old")
@@ -173,6 +176,7 @@ def test_results_are_replaced_where_told_and_other_files_stay(day: Path, tmp_pat
     assert json.loads((tmp_path / "normals.json").read_text())["turbidity"] == 3
 
 
+@pytest.mark.needs("scipy")
 def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Path) -> None:
     skies = clear_skies(june_suns(), height=128)
     for time, radiance, sun, power in zip(JUNE, skies.radiance, skies.sun_direction, skies.sun_irradiance, strict=True):

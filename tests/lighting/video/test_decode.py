@@ -5,6 +5,7 @@ import socket
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -19,6 +20,7 @@ from lighting.video.decode import (
     Gimbal,
     _container_metadata,
     _merge_metadata,
+    _readable,
     _subtitle_metadata,
     _to_srgb,
     _upright_pixels,
@@ -233,6 +235,20 @@ def test_metadata_are_facts(tmp_path: Path) -> None:
         assert clip.info.metadata.latitude == 48.1
 
 
+def test_tags_that_are_no_utf8_hide_no_others(tmp_path: Path) -> None:
+    metadata = {"title": "Sonne in Xanten", "com.apple.quicktime.location.ISO6709": "+48.1+011.5/"}
+    path = write_clip(tmp_path / "a.mov", pan(2), metadata=metadata)
+    path.write_bytes(path.read_bytes().replace(b"Xanten", b"\xffanten"))
+    with Clip(path) as clip:
+        assert (clip.info.metadata.latitude, clip.info.metadata.longitude) == (48.1, 11.5)
+
+
+def test_tags_that_are_no_utf8_are_text() -> None:
+    """PyAV 19 leaves lone surrogates, older ones what stands for unreadable bytes."""
+    of_19, older = {"title": "in \udcffanten"}, {"title": "in \ufffdanten"}
+    assert _readable(of_19) == _readable(older) == older
+
+
 def test_half_of_a_fragmented_clip_is_read_and_told(tmp_path: Path) -> None:
     whole = write_clip(tmp_path / "a.mkv", pan(90))
     data = whole.read_bytes()
@@ -342,9 +358,10 @@ def make_sound(path: Path) -> Path:
 
 def make_song(path: Path, cover: Pixels) -> Path:
     with av.open(str(path), "w") as film:
-        picture, sound = film.add_stream("mjpeg", rate=1), film.add_stream("libmp3lame", rate=44100)
+        picture: Any = film.add_stream("mjpeg", rate=1)
+        sound = film.add_stream("libmp3lame", rate=44100)
         picture.width, picture.height, picture.pix_fmt = cover.shape[1], cover.shape[0], "yuvj420p"
-        picture.disposition = av.stream.Disposition.attached_pic
+        picture.disposition = av.stream.Disposition.attached_pic.value
         film.mux(picture.encode(av.VideoFrame.from_ndarray(cover, format="rgb24")))
         film.mux(picture.encode())
         mux_silence(film, sound, seconds=1.0, form="fltp")
@@ -462,6 +479,13 @@ CODED = (
 BT709, BT601 = (0.2126, 0.0722), (0.299, 0.114)  # weights of red and blue
 
 
+def coded_by(frame: Any, curve: int, primaries: int) -> SimpleNamespace:
+    """A codec's context of those numbers of H.273, which the frame has, too, where PyAV has them of frames."""
+    if hasattr(frame, "color_trc"):
+        frame.color_trc, frame.color_primaries = curve, primaries
+    return SimpleNamespace(color_trc=curve, color_primaries=primaries)
+
+
 @pytest.mark.parametrize(("side", "off"), [(64, 1.1), (128, 2.1)])
 @pytest.mark.parametrize(("matrix", "weights"), [(1, BT709), (5, BT601)])
 @pytest.mark.parametrize("coded", CODED)
@@ -473,7 +497,7 @@ def test_colours_are_those_that_were_coded(
     for plane, value in zip(frame.planes, coded, strict=True):
         plane.update(bytes([value]) * (plane.line_size * plane.height))
     frame.colorspace, frame.color_range = matrix, 1
-    shown = _upright_pixels(frame, side)
+    shown = _upright_pixels(frame, coded_by(frame, 1, 1), side)
     assert shown.shape == (side, side, 3)
     np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), decoded(coded, weights), atol=off)
 
@@ -483,8 +507,8 @@ def test_diffuse_white_of_hdr_is_white(curve: int, signal: float) -> None:
     frame = av.VideoFrame(128, 128, "yuv420p10le")
     for plane, value in zip(frame.planes, (round(64 + 876 * signal), 512, 512), strict=True):
         plane.update(np.full(plane.buffer_size // 2, value, np.uint16).tobytes())
-    frame.colorspace, frame.color_range, frame.color_trc, frame.color_primaries = 9, 1, curve, 9
-    assert _upright_pixels(frame, 64).min() >= 254
+    frame.colorspace, frame.color_range = 9, 1
+    assert _upright_pixels(frame, coded_by(frame, curve, 9), 64).min() >= 254
 
 
 @pytest.mark.parametrize(("side", "stretch"), [(64, 1.0), (128, 1.0), (128, 0.5)])
@@ -492,10 +516,10 @@ def test_colours_of_hdr_are_its_own_at_every_size(side: int, stretch: float) -> 
     coded, frame = (500, 560, 470), av.VideoFrame(128, 128, "yuv420p10le")
     for plane, value in zip(frame.planes, coded, strict=True):
         plane.update(np.full(plane.buffer_size // 2, value, np.uint16).tobytes())
-    frame.colorspace, frame.color_range, frame.color_trc, frame.color_primaries = 9, 1, 18, 9
+    frame.colorspace, frame.color_range = 9, 1
     signal = np.array(decoded((500 / 4, 560 / 4, 470 / 4), (0.2627, 0.0593))) / 255
     expected = _to_srgb(np.round(signal * 65280).astype(np.uint16), "hlg", 9)
-    shown = _upright_pixels(frame, side, stretch)
+    shown = _upright_pixels(frame, coded_by(frame, 18, 9), side, stretch)
     np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), expected, atol=0.6)
 
 

@@ -32,27 +32,15 @@ export function writeCurl({ origin, photo, userInput, overrides, height, keyed }
 export function writePython({ photo, userInput, overrides, height }: SnippetInput): string {
   const input = userInputArguments(userInput);
   const photoExposure = overrides?.photo_exposure;
-  const exposure = photoExposure === undefined ? "" : `, exposure=${formatValue(photoExposure)}`;
+  const exposure = photoExposure === undefined ? "" : `, photo_exposure=${formatValue(photoExposure)}`;
+  const sun = overrides ? `, sun=${overrides.sun ? "True" : "False"}` : "";
   const lines = [
     ...(userInput.time ? ["from datetime import datetime", ""] : []),
-    `from lighting import Estimator, ${input ? "UserInput, " : ""}read_photo, write_exr`,
-    ...(overrides ? ["from lighting.envmap.relighting import edit_lighting"] : []),
-    "from lighting.envmap.surroundings import photo_context_for_height, render_view",
+    `from lighting import ${input ? "UserInput, " : ""}estimate`,
     "",
-    `name = ${quotePython(photo)}`,
-    "",
-    "",
-    "def finer(side):",
-    "    return read_photo(name, target=side).pixels",
-    "",
-    "",
-    "photo = read_photo(name)",
-    `estimate = Estimator()(photo${input && `, UserInput(${input})`})`,
-    ...(overrides ? ["changes = {", ...overrideEntries(overrides), "}"] : []),
-    `lighting = ${overrides ? "edit_lighting(estimate.lighting, changes)" : "estimate.lighting"}`,
-    `context = photo_context_for_height(estimate, photo.pixels, ${height}, finer${exposure})`,
-    `image, lighting = render_view(lighting, ${height}, ${overrides ? `sun=${overrides.sun ? "True" : "False"}, ` : ""}context=context)`,
-    `write_exr(${quotePython(`${fileStem(photo)}.exr`)}, image, lighting)`,
+    `light = estimate(${quotePython(photo)}${input && `, UserInput(${input})`})`,
+    ...(overrides ? ["changes = {", ...overrideEntries(overrides), "}", `light = light.edit(changes${exposure})`] : []),
+    `light.save(${quotePython(`${fileStem(photo)}.exr`)}, ${height}${sun})`,
   ];
   return `${lines.join("\n")}\n`;
 }

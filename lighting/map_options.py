@@ -1,0 +1,293 @@
+"""Options of environment maps: MapOptions, what adjusts a light by hand, and what people read of each.
+
+The command line, HTTP, batches and Python take their options from here: a field is an option everywhere. Its metadata
+say what it means, in which unit and range. Nothing here needs numpy: the command line's help reads it, too.
+"""
+
+import reprlib
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from numbers import Integral
+from typing import Any, Self, TypedDict
+
+from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
+from lighting.fields import RANGES, check_range, convert_numpy_numbers, describe_fields
+from lighting.sky import SKY_MODELS, format_sky_models
+
+MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
+EXPOSURE_RANGE = (-20.0, 20.0)  # EV, of an adjustment: the range of RANGES["exposure"] by its middle
+_SUN_AZIMUTH_RANGE = (-360.0, 360.0)  # deg, of an adjustment; records have -180 to 180
+
+
+class Around(StrEnum):
+    """What a map shows around its photo."""
+
+    PLACE = "place"
+    """The photo, and the place around it with detail, where the network predicts it."""
+    PHOTO = "photo"
+    """The photo, and a smooth continuation of it."""
+    PLAIN = "plain"
+    """Sky and ground alone."""
+
+
+@dataclass(frozen=True)
+class OptionText:
+    """What people read of an option."""
+
+    help: str
+    """A phrase without a full stop."""
+    unit: str = ""
+    """As the command line's help names a value."""
+    range: tuple[float, float] | None = None
+    """Of a number."""
+    example: float | None = None
+    """Such a number."""
+    choices: Callable[[], Collection[str]] | None = None
+    """The names that it takes, as their registry has them now."""
+
+
+def option(default: Any, text: OptionText) -> Any:
+    """Return a field that is an option.
+
+    Args:
+        default: of the field.
+        text: what people read of it.
+    """
+    return field(default=default, metadata={"text": text})
+
+
+def option_texts(record: type) -> dict[str, OptionText]:
+    """Return what people read of the options that a record has, by name.
+
+    Args:
+        record: a dataclass.
+    """
+    return {f.name: f.metadata["text"] for f in fields(record) if "text" in f.metadata}
+
+
+def check_option(name: str, value: object, text: OptionText) -> None:
+    """Raise ParameterError for a value that an option does not take.
+
+    Args:
+        name: of the option.
+        value: of it.
+        text: with its range or choices.
+    """
+    if text.range is not None:
+        check_range(name, value, *text.range)
+    if text.choices is not None and not (isinstance(value, str) and value in text.choices()):
+        predicate = f"is {reprlib.repr(value)}; the known ones are {', '.join(text.choices())}."
+        raise ParameterError.about(name, predicate, ErrorCode.UNKNOWN)
+
+
+@dataclass(frozen=True)
+class Adjustments:
+    """What a user changes of a light by hand, under the same names everywhere. None: as it was.
+
+    Raises ParameterError for a value out of range.
+    """
+
+    sun: tuple[float, float] | None = None
+    """Azimuth, -360 to 360, and elevation, -4.2 to 90, deg."""
+    exposure: float = option(0.0, OptionText("EV; 1 is twice as bright", "EV", EXPOSURE_RANGE, 0.5))
+    """EV, -20 to 20: +1 is twice as bright."""
+    haze: float | None = option(
+        None, OptionText("turbidity: 2 is clear, 10 is hazy", "TURBIDITY", RANGES["turbidity"], 3.4)
+    )
+    """Turbidity, 1 to 10: 2 is very clear, 10 is hazy."""
+    overcast: bool = option(False, OptionText("cover the sky with clouds: no sun, soft gray light"))
+    """True covers the sky, and no sun shines."""
+
+    def __post_init__(self) -> None:
+        convert_numpy_numbers(self, "sun", "exposure", "haze")
+        if self.sun is not None:
+            if not isinstance(self.sun, tuple) or len(self.sun) != 2:
+                predicate = "must be two numbers: azimuth and elevation."
+                raise ParameterError.about("sun", predicate, ErrorCode.WRONG_TYPE)
+            check_range("sun", self.sun[0], *_SUN_AZIMUTH_RANGE, subject="The sun's azimuth")
+            check_range("sun", self.sun[1], *RANGES["sun_elevation"], subject="The sun's elevation")
+        for name in ("exposure", "haze"):
+            if (value := getattr(self, name)) is not None:
+                check_option(name, value, option_texts(Adjustments)[name])
+        _check_flag("overcast", self.overcast)
+
+
+class MapKeywords(TypedDict, total=False):
+    """The fields of MapOptions but the height, as keywords; and two that `around` replaces, until 0.3.0."""
+
+    sun: bool | None
+    yaw: float
+    sky: str | None
+    around: str
+    disc: bool
+    adjustments: Adjustments
+    surroundings: bool | None
+    detail: bool | None
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """How an environment map of a light is rendered. A value out of range is a ParameterError."""
+
+    height: int = option(
+        512, OptionText("rows of the map, even; columns are twice that", "ROWS", (MIN_HEIGHT, MAX_HEIGHT), 512)
+    )
+    """Rows of the map, even, 16 to 4096."""
+    sun: bool | None = option(None, OptionText("paint the sun; by default if its power is known or it likely shines"))
+    """Whether the sun is in the map. None: by `Lighting.sun_painted`."""
+    yaw: float = option(
+        0.0, OptionText("turn the map, with sun and record, to the right", "DEG", (-360.0, 360.0), 90.0)
+    )
+    """Deg, -360 to 360, by which the map is turned to the right, and the record with it."""
+    sky: str | None = option(
+        None,
+        OptionText(
+            f"the sky's shape: {format_sky_models(' or ')}, which are advanced", "MODEL", choices=lambda: SKY_MODELS
+        ),
+    )
+    """One of `lighting.sky.SKY_MODELS`, which paints the sky. None: the record's."""
+    around: str = option(
+        "place",
+        OptionText(
+            "around the photo: the place with its detail, the photo alone and smoothly on, or plain sky and ground",
+            "NAME",
+            choices=lambda: [kind.value for kind in Around],
+        ),
+    )
+    """One of Around. A network that predicts no place leaves the map plain unless `around` is "photo"."""
+    disc: bool = option(True, OptionText("paint the sun's disc; without it the sun still lights the ground"))
+    """False leaves the sun's disc for a light of its own; the sun still lights the ground."""
+    adjustments: Adjustments = field(default_factory=Adjustments)
+    """Of the light by hand, before it is rendered."""
+
+    def __post_init__(self) -> None:
+        _check_flag("sun", self.sun, None)
+        _check_flag("disc", self.disc)
+        check_height(self.height)
+        convert_numpy_numbers(self, "yaw", "height")
+        if isinstance(self.around, Around):
+            object.__setattr__(self, "around", self.around.value)
+        texts = option_texts(MapOptions)
+        for name in ("yaw", "sky", "around"):
+            if (value := getattr(self, name)) is not None:
+                check_option(name, value, texts[name])
+        if not isinstance(self.adjustments, Adjustments):
+            predicate = f"must be Adjustments, not {reprlib.repr(self.adjustments)}."
+            raise ParameterError.about("adjustments", predicate, ErrorCode.WRONG_TYPE)
+
+    @classmethod
+    def of_keywords(cls, height: Any, keywords: Mapping[str, object]) -> Self:
+        """Make the options of a call.
+
+        Args:
+            height: rows of the map.
+            keywords: the other options, as MapKeywords; old ones warn.
+        """
+        values: dict[str, Any] = {**keywords}
+        switches = {name: values.pop(name, None) for name in ("surroundings", "detail")}
+        for name, value in switches.items():
+            _check_flag(name, value, None)
+            if value is not None:
+                warn_of_old_name(f"lighting.MapOptions.{name}", stacklevel=4)
+        if (around := around_of_switches(**switches)) is not None:
+            values.setdefault("around", around)
+        return cls(height, **values)
+
+    @classmethod
+    def of_json(cls, values: Mapping[str, Any]) -> Self:
+        """Make options of an object of JSON, such as `dataclasses.asdict` makes.
+
+        Args:
+            values: by name.
+        """
+        stated = dict(values.get("adjustments") or {})
+        sun = stated.get("sun")
+        adjustments = Adjustments(**{**stated, "sun": sun and tuple(sun)})
+        return cls(**{**values, "adjustments": adjustments})
+
+    def refuse(self, thing: str, *names: str) -> None:
+        """Raise ParameterError for options that say nothing of a thing.
+
+        Args:
+            thing: such as "a preview".
+            names: of the options.
+        """
+        for name in names:
+            if getattr(self, name) != getattr(DEFAULT_MAP, name):
+                raise ParameterError.about(name, f"is of maps; {thing} takes none.", ErrorCode.CONTRADICTION)
+
+
+def around_of_switches(
+    surroundings: bool | None, detail: bool | None, without_detail: str = Around.PHOTO.value
+) -> str | None:
+    """Return what `around` is by the two switches that it replaces; None where neither is stated.
+
+    Args:
+        surroundings: whether the map shows the place; None: not stated.
+        detail: whether it then has detail; None: not stated.
+        without_detail: what `detail` False stands for: of clips it was Around.PLAIN.
+    """
+    if surroundings is False:
+        return Around.PLAIN.value
+    if detail is False:
+        return without_detail
+    return None if surroundings is None and detail is None else Around.PLACE.value
+
+
+def check_height(height: int) -> None:
+    """Raise ParameterError for what is no number of rows of a map.
+
+    Args:
+        height: even, 16 to 4096.
+    """
+    whole = isinstance(height, Integral) and not isinstance(height, bool)
+    if not whole or height % 2 or not MIN_HEIGHT <= height <= MAX_HEIGHT:
+        predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}."
+        raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE if whole else ErrorCode.WRONG_TYPE)
+
+
+def _check_flag(name: str, value: object, *others: None) -> None:
+    """Raise ParameterError for what is neither True nor False, nor another value that counts."""
+    if isinstance(value, bool) or value in others or type(value).__name__ in ("bool", "bool_"):
+        return
+    hint = "; adjustments move it" if name == "sun" else ""
+    predicate = f"must be True or False, not {reprlib.repr(value)}{hint}."
+    raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
+
+
+def parse_sun(text: str) -> tuple[float, float]:
+    """Read a sun's direction such as "40,25"; its range is checked by `Adjustments`.
+
+    Args:
+        text: azimuth and elevation in deg, with a comma between them.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    try:
+        azimuth, elevation = map(float, text.split(","))
+    except ValueError as error:
+        predicate = f"is AZIMUTH,ELEVATION in degrees, such as 40,25, not {text!r}."
+        raise ParameterError.about("sun", predicate, ErrorCode.MALFORMED) from error
+    return azimuth, elevation
+
+
+def parse_exposure(text: str) -> float:
+    """Read an adjustment of the exposure such as "+0.5" or "-1ev"; its range is checked by `Adjustments`.
+
+    Args:
+        text: a number of EV, with or without the unit.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    try:
+        return float(text.strip().lower().removesuffix("ev"))
+    except ValueError as error:
+        predicate = f"is a number of EV, such as +0.5, not {text!r}."
+        raise ParameterError.about("exposure", predicate, ErrorCode.MALFORMED) from error
+
+
+describe_fields(Adjustments, MapOptions)
+DEFAULT_MAP = MapOptions()
