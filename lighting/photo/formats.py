@@ -217,6 +217,10 @@ _RAWS = (
     ("a Phase One IIQ", b"IIII"),
     ("a RED R3D", b"\0\0\0\0RED"),
 )
+_PHOTO_HEADS = (
+    b"\xff\xd8\xff", b"\x89PNG", b"II*\0", b"MM\0*", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILM", b"FOVb",
+)  # fmt: skip
+HEAD_BYTES = 12  # that `begins_as_photo` needs
 _PHOTOS = (("JPEG", b"\xff\xd8\xff"), ("PNG", b"\x89PNG\r\n\x1a\n"))  # names without articles
 _QUICKTIME_ATOMS = (b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 _NETPBM = {b"1": "PBM", b"2": "PGM", b"3": "PPM", b"4": "PBM", b"5": "PGM", b"6": "PPM", b"7": "PAM"}
@@ -262,6 +266,16 @@ def unreadable_sentence(data: bytes) -> str:
     if name := _other_name(data):
         return f"This is {name}, not a photo."
     return UNREADABLE
+
+
+def begins_as_photo(head: bytes) -> bool:
+    """Tell whether a file may be a photo that is read, or a RAW file with a preview.
+
+    Args:
+        head: its first HEAD_BYTES bytes.
+    """
+    is_webp = head[:4] == b"RIFF" and head[8:12] == b"WEBP"
+    return head.startswith(_PHOTO_HEADS) or is_webp or head[4:8] == b"ftyp"
 
 
 def kind_name(data: bytes) -> str | None:
