@@ -544,6 +544,8 @@ def _options(*names: str) -> Decorator:
             check_coordinates(values["latitude"], values["longitude"])
             with usage_errors():
                 user_input = UserInput(**values)
+            if user_input.shadows and len(options.get("photos", ())) > 1:
+                raise click.UsageError("--shadow is of one photo; give that photo alone.")
             command(*args, user_input=user_input, **options)
 
         return _add_options(with_user_input, *(_OPTIONS[name] for name in names))
