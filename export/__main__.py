@@ -345,6 +345,17 @@ def _ground(data: Path, split: str, model: Path | None) -> None:
     click.echo(report_ground(Model.load(model), data, split))
 
 
+@_report.command("shadows")
+@_data
+@_network
+def _shadows(data: Path, model: Path | None) -> None:
+    """How near the sun is with one shadow that a person marked."""
+    from export.reports.shadows import report_shadows
+    from lighting.model import Model
+
+    click.echo(report_shadows(Model.load(model), data))
+
+
 @_report.command("video")
 @_data
 @_option("--count", "Clips of each kind.", click.IntRange(1), 8)
