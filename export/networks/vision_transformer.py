@@ -108,13 +108,14 @@ class VisionTransformer(nn.Module):
             photo: (B, 3, 14 h, 14 w), of ImageNet's mean and deviation; the middle of a square canvas.
             side: patches along the canvas's side, at least h and w.
         """
-        patches = self.patch(photo)
-        rows, columns = patches.shape[2:]
-        table = self._positions(side)
+        rows, columns = photo.shape[2] // PATCH, photo.shape[3] // PATCH
+        cut = photo.reshape(-1, 3, rows, PATCH, columns, PATCH).permute(0, 2, 4, 1, 3, 5)
+        pixels = cut.reshape(-1, rows * columns, 3 * PATCH**2)  # a product has one order of sums, a convolution several
+        patches = F.linear(pixels, self.patch.weight.flatten(1), self.patch.bias)
         top, left = (side - rows) // 2, (side - columns) // 2
-        placed = patches + table[:, :, top : top + rows, left : left + columns].to(patches.dtype)
+        table = self._positions(side)[:, :, top : top + rows, left : left + columns].flatten(2).transpose(1, 2)
         first = (self.cls + self.cls_position).to(patches.dtype).expand(photo.shape[0], -1, -1)
-        return torch.cat([first, placed.flatten(2).transpose(1, 2)], dim=1)
+        return torch.cat([first, patches + table.to(patches.dtype)], dim=1)
 
     def fold(self, side: int) -> None:
         """Multiply constants out, for canvases of one size; the transformer then does not learn.
