@@ -14,12 +14,13 @@ from pydantic import ValidationError
 from starlette.testclient import TestClient
 
 from lighting.cli.options import _OPTIONS
-from lighting.envmap.relighting import Adjustments, adjust_lighting
+from lighting.envmap.relighting import adjust_lighting
 from lighting.envmap.render import render
 from lighting.estimator import Estimator
 from lighting.fields import OPTIONAL_RANGES, RANGES
 from lighting.files.exr import read_exr
 from lighting.fusion.user_input import UserInput
+from lighting.map_options import Adjustments
 from lighting.photo.reader import read_photo
 from lighting.records import record_with_coefficients
 from lighting.registration.two_view import has_opencv

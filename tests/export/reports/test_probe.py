@@ -22,7 +22,7 @@ from export.reports.probe import (
     _rotation_between,
 )
 from lighting.color import luminance
-from lighting.envmap.render import sun_irradiance
+from lighting.envmap.render import sun_light
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction
 from lighting.probe.bracket import make_bracket, measure_ratios, read_bracket
@@ -145,7 +145,7 @@ def test_a_photographed_sun_has_its_power() -> None:
     )
     assert probe.spot is not None
     assert probe.spot.irradiance / _bracket_gain(picture, _BracketCamera()) == pytest.approx(
-        sun_irradiance(lighting), rel=0.02
+        sun_light(lighting)[0], rel=0.02
     )
 
 
