@@ -164,8 +164,8 @@ def test_what_a_request_may_ask_is_checked_before_it_is_a_job(client: TestClient
         ({"kind": "normals", "time": "2024-06-01T12:00Z"}, "time", "goes with kind=video"),
         ({"kind": "photos", "height": "15"}, "height", "16"),
         ({"kind": "photos", "exposure": "1"}, "exposure", "goes with envmap=true"),
-        ({"kind": "photos", "detail": "false"}, "detail", "goes with envmap=true"),
-        ({"kind": "normals", "detail": "false"}, "detail", "goes with kind=video or photos"),
+        ({"kind": "photos", "detail": "false"}, "around", "goes with envmap=true"),
+        ({"kind": "normals", "detail": "false"}, "around", "goes with kind=video or photos"),
         ({"kind": "normals", "sun": "40,25"}, "sun", "goes with kind=video or photos"),
     ):
         (error,) = problem(submit(client, upload, **fields), 422, "invalid")["errors"]

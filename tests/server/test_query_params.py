@@ -68,11 +68,11 @@ def test_headings_that_fit_are_taken() -> None:
 
 
 def test_a_record_takes_nothing_that_describes_a_photo() -> None:
-    refuse_photo_parameters(EnvmapQuery(sky="perez"))
+    refuse_photo_parameters(EnvmapQuery.model_validate({"sky": "perez"}))
     for query, field in (
         (EnvmapQuery(vertical_fov=50.0), "vertical_fov"),
-        (EnvmapQuery(around="photo"), "around"),
-        (EnvmapQuery(surroundings=False), "around"),
+        (EnvmapQuery.model_validate({"around": "photo"}), "around"),
+        (EnvmapQuery.model_validate({"surroundings": False}), "around"),
     ):
         with pytest.raises(ProblemError) as caught:
             refuse_photo_parameters(query)
@@ -382,10 +382,10 @@ def test_the_two_switches_of_former_days_say_what_is_around() -> None:
 
 
 def test_a_compression_goes_with_exr_alone_and_its_default_with_all() -> None:
-    assert MapQuery(format="png", compression="zip").file_options().format == "png"
-    assert MapQuery(format="exr", compression="pxr24").file_options().compression == "pxr24"
+    assert MapQuery.model_validate({"format": "png", "compression": "zip"}).file_options().format == "png"
+    assert MapQuery.model_validate({"format": "exr", "compression": "pxr24"}).file_options().compression == "pxr24"
     with pytest.raises(ValidationError, match="compression goes with the format exr"):
-        MapQuery(format="hdr", compression="pxr24")
+        MapQuery.model_validate({"format": "hdr", "compression": "pxr24"})
 
 
 # Another light, under the names of the command line

@@ -70,7 +70,7 @@ def test_the_link_has_the_strength_of_the_light_where_it_is_known() -> None:
     said = {name: values[0] for name, values in parse_qs(linked(strong).query).items()}
     assert said["sun"] == "true"
     query = SkyQuery.model_validate(said)
-    assert query.sky == "preetham"
+    assert query.view().sky == "preetham"
     assert replace(query.to_lighting(), sky_model="preetham", sun_visibility=0.1) == strong
     painted = replace(LIGHT, sky_painted="prague")
     assert parse_qs(linked(painted).query)["sky"] == ["prague"]

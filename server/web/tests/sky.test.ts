@@ -57,7 +57,7 @@ interface StoredLight {
 }
 
 const STORED: StoredLight[] = JSON.parse(
-  readFileSync(new URL("../../../tests/lighting/envmap/sun_light.json", import.meta.url), "utf8"),
+  new TextDecoder().decode(readFileSync(new URL("../../../tests/lighting/envmap/sun_light.json", import.meta.url))),
 );
 
 describe("the light of a record", () => {

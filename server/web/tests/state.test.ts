@@ -291,10 +291,9 @@ describe("the light on show as text", () => {
   });
 
   it("replaces the light in the Python program", () => {
-    expect(writePython(subject)).not.toContain("edit_lighting");
-    expect(writePython(movedInput)).toContain(", 512)");
+    expect(writePython(subject)).not.toContain("light.edit");
     expect(writePython(movedInput)).toContain('    "sun_azimuth": -41.2,\n');
-    expect(writePython(movedInput)).toContain("sun=False, context=context");
+    expect(writePython(movedInput)).toContain(", 512, sun=False)");
     expect(writePython(movedInput)).not.toContain("irradiance");
   });
 
