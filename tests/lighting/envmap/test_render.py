@@ -501,7 +501,7 @@ def test_the_command_writes_such_a_map(tmp_path: Path, name: str) -> None:
 
 
 LIGHTS = Path(__file__).with_name("sun_light.json")  # what the page follows
-IRRADIANCES = {"sun_irradiance": (2.1, 1.8, 1.3), "sky_irradiance": (0.5, 0.6, 0.9), "sky_cover": 0.3}
+IRRADIANCES: dict[str, Any] = {"sun_irradiance": (2.1, 1.8, 1.3), "sky_irradiance": (0.5, 0.6, 0.9), "sky_cover": 0.3}
 RECORDS = [
     Lighting(-41.2, 33.0, 3.4, 5.0),
     Lighting(100.0, 6.0, 7.5, 2.0, ground_color=(0.2, 0.15, 0.1)),
