@@ -20,12 +20,14 @@ from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, TypeVar
 
+from lighting.confinement import confine_to_folder
 from lighting.errors import ErrorCode, LightingError, VideoError
 from lighting.files import FileOptions, escape_undecodable
 from lighting.fusion.user_input import UserInput
 from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
+from lighting.onnx_session import weights_path
 from lighting.records import Json
-from lighting.runtime import begin_helper, confine_to_folder, limit_address_space
+from lighting.runtime import begin_helper, limit_address_space
 from lighting.tracing import listen_to_steps, trace_step
 
 T = TypeVar("T")
@@ -66,7 +68,7 @@ def run_worker() -> None:
     answers = begin_helper()
     os.chdir(request["folder"])
     _limit_process(request["max_bytes"])
-    network = [Path(request["model"])] if request["model"] else []
+    network = [Path(request["model"]), weights_path(Path(request["model"]))] if request["model"] else []
     confine_to_folder(Path(request["folder"]), network, processes=JOB_KINDS[request["kind"]].processes)
 
     def report(part: float) -> None:

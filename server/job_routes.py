@@ -29,7 +29,7 @@ from server.limits import BusyError, client_of_request
 from server.problems import ProblemError, problem_responses
 from server.query_params import AdjustQuery, MapQuery, PlaceQuery, UserInputQuery, refuse_parameters
 from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
-from server.responses import ZIP_TYPE
+from server.responses import ZIP_TYPE, link_from
 from server.schemas import JobRecord
 
 _UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
@@ -221,7 +221,7 @@ def _answer_job(request: Request, jobs: JobRunner, number: str, status: int) -> 
     job = jobs.store.find(number)
     if job is None:
         raise ProblemError(problems.UNKNOWN_JOB, problems.UNKNOWN_JOB.example)
-    address = f"{request.scope.get('root_path', '')}/v1/jobs/{job.id}"
+    address = link_from(request, f"/v1/jobs/{job.id}")
     finished, ended = job.state is JobState.FINISHED, job.expires is not None
     record = JobRecord(
         id=job.id,

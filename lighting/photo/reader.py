@@ -236,12 +236,8 @@ def read_photo(
             encoding = read_color_encoding(image, picture, own, tags)
         orientation = (own if page and page.has_orientation else tags).orientation
         pixels = upright_pixels(image, side, orientation, encoding)
-    except PhotoError:
-        raise
     except MemoryError as error:
         raise PhotoTooLargeError("The photo needs more memory than its limit.") from error
-    except Exception as error:  # decoders raise nearly anything on hostile bytes
-        raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     photo = _without_border(Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format)))
     metadata = read_metadata(tags, photo.width, photo.height, sidecar, is_inside=photo.crop is not None)
@@ -401,14 +397,19 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
     data = containers.check_structure(data)
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
-    try:
-        image = _open_image(data)
-    except (UnidentifiedImageError, SyntaxError) as error:
-        from lighting.photo.formats import unreadable_sentence
+    with containers.decoder_calls():
+        try:
+            image = _open_image(data)
+        except (UnidentifiedImageError, SyntaxError) as error:
+            from lighting.photo.formats import unreadable_sentence
 
-        raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else unreadable_sentence(data)) from error
-    except Image.DecompressionBombError as error:
-        raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
+            raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else unreadable_sentence(data)) from error
+        except Image.DecompressionBombError as error:
+            raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
+    if image.format == "HEIF":
+        from lighting.photo.formats import restore_orientation
+
+        restore_orientation(image, data, image.info.get("original_orientation"))
     if image.format == "TIFF":
         check_bit_depth(image)
     _check_size(*image.size, *_pixel_limit(image, data, max_pixels))
@@ -450,10 +451,6 @@ def _check_size(width: int, height: int, limit: int, kind: str) -> None:
         raise PhotoError(sentence)
 
 
-def _reason(error: Exception) -> str:
-    return str(error).strip().rstrip(".").splitlines()[0] if str(error).strip() else type(error).__name__
-
-
 def _decode_image(image: Image.Image, target: int) -> None:
     """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than the target.
 
@@ -462,5 +459,6 @@ def _decode_image(image: Image.Image, target: int) -> None:
         target: pixels, over 0.
     """
     scale = min(1.0, target / max(image.size))
-    image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
-    image.load()
+    with containers.decoder_calls():
+        image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
+        image.load()

@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -181,13 +180,12 @@ def _check_listed(tool: str, written: set[str]) -> None:
 @contextmanager
 def _temporary_folder(target: Path) -> Iterator[Path]:
     """A temporary folder next to the target, removed at the end unless it was renamed."""
-    name = tempfile.mkdtemp(prefix=".", dir=target.parent)
-    built = Path(name)
-    built.chmod(0o755)
+    built = target.parent / f".{os.urandom(8).hex()}"
+    built.mkdir()
     try:
         yield built
     finally:
-        shutil.rmtree(name, ignore_errors=True)
+        shutil.rmtree(built, ignore_errors=True)
 
 
 def _check_other_scenes(source: Path, target: Path, tool: str) -> None:
