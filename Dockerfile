@@ -21,8 +21,7 @@ COPY docs/ docs/
 COPY lighting/ lighting/
 COPY server/ server/
 RUN /opt/uv/bin/uv sync --locked --no-editable --inexact
-WORKDIR /opt/venv/lib/python3.11/site-packages/lighting/data
-RUN sha256sum --check --strict SHA256SUMS
+RUN /opt/venv/bin/lighting doctor --quiet
 
 FROM python:3.11.16-slim-bookworm@sha256:a36c24f9cbdf4fd0f52d67f0823eeac19c2028c637cecc392d97f980d4fec56b
 ARG VERSION=unknown

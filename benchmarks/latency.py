@@ -30,7 +30,7 @@ from typing import Any
 
 from lighting.start import prepare_process
 
-prepare_process(["envmap"])  # as the command does, before numpy is imported
+prepare_process("envmap")  # as the command does, before numpy is imported
 
 import numpy as np
 import OpenEXR

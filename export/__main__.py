@@ -91,12 +91,13 @@ def _synthesize(out: Path, count: int, val: float, height: int, samples: Path | 
 @_data
 @_labels
 @_option("--out", "Folder of the run; a run with a checkpoint is resumed. [default: runs/NETWORK]")
-@_option("--network", "Network to train.", click.Choice(["outdoor", "cvpr2017"]), "outdoor")
+@_option("--network", "Network to train.", click.Choice(["outdoor", "transformer", "cvpr2017"]), "outdoor")
 @_option("--crops", "Crops drawn in all.", click.IntRange(1), 100_000)
 @_option("--batch", "Crops per step.", click.IntRange(2), 32)
 @_option("--learning-rate", "Highest learning rate.", click.FloatRange(0, 1), 8e-4)
 @_option("--version", "Version of the network, for its metadata.", str, "1.0.0")
 @_flag("--licensed-only", "Train on permissively licensed panoramas and photos only.")
+@_option("--first-width", "Degrees by which sun targets are wider at first.", click.FloatRange(0, 90), 0.0)
 @_flag("--scratch", "Start from random weights instead of ImageNet's.")
 @_option("--start", "Folder of an earlier run to start from. [default: ImageNet's weights]")
 @_option("--teacher", "Folder of a finished run to learn from as well; repeatable.", multiple=True)
@@ -119,9 +120,11 @@ def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, .
     from export.training.loop import train_network as run
 
     one_head = settings["only_seen"] or settings["only_camera"]
-    if network != "outdoor" and (one_head or settings["surroundings"] or teacher):
+    if network == "cvpr2017" and (one_head or settings["surroundings"] or teacher):
         options = "--only-seen, --only-camera, --surroundings and --teacher"
-        raise click.UsageError(f"{options} are for the network outdoor, not for {network}.")
+        raise click.UsageError(f"{options} are not for the network cvpr2017.")
+    if network == "transformer" and settings["only_seen"]:
+        raise click.UsageError("--only-seen is not for the network transformer, which has no such head.")
     if settings["start"] and scratch:
         raise click.UsageError("Choose one of --start and --scratch.")
     if settings["only_seen"] and settings["only_camera"]:
@@ -203,6 +206,11 @@ def _merge(runs: tuple[Path, ...], out: Path) -> None:
 @_option("--temperature", "Divides the logits of the sun's softmax.", click.FloatRange(0.1, 10), 1.0)
 @_option("--version", "Version of the network, if not the run's: another temperature makes another network.", str)
 @_option("--camera", "Run of a further network, which answers for the camera instead of the others.", multiple=True)
+@_option(
+    "--sun",
+    "Run of a further network, which answers for the sun beside the others, and for nothing else.",
+    multiple=True,
+)
 @_option("--segments", "Run of `segments`, whose head tells what photos show. [default: nothing tells it]")
 @_option("--elevation-scale", "Degrees of `prior`. [default: no prior]", click.FloatRange(10), math.inf)
 def _onnx(
@@ -210,17 +218,18 @@ def _onnx(
     out: Path | None,
     version: str | None,
     camera: tuple[Path, ...],
+    sun: tuple[Path, ...],
     segments: Path | None,
     **numbers: float,
 ) -> None:
     """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
     from export.networks.onnx_export import write_onnx
     from export.networks.weights import read_spec
-    from lighting.model import weights_path
+    from lighting.onnx_session import weights_path
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
-    difference = write_onnx(runs, target, version=version, cameras=camera, segments=segments, **numbers)
+    difference = write_onnx(runs, target, version=version, cameras=camera, segments=segments, suns=sun, **numbers)
     size = sum(file.stat().st_size for file in (target, weights_path(target)))
     click.echo(f"{target}: {size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
@@ -334,6 +343,17 @@ def _ground(data: Path, split: str, model: Path | None) -> None:
     from lighting.model import Model
 
     click.echo(report_ground(Model.load(model), data, split))
+
+
+@_report.command("shadows")
+@_data
+@_network
+def _shadows(data: Path, model: Path | None) -> None:
+    """How near the sun is with one shadow that a person marked."""
+    from export.reports.shadows import report_shadows
+    from lighting.model import Model
+
+    click.echo(report_shadows(Model.load(model), data))
 
 
 @_report.command("video")

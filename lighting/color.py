@@ -2,7 +2,7 @@
 
 HDR curves are those of Rec. ITU-R BT.2100: hybrid log-gamma (HLG) and the perceptual quantiser (PQ, also SMPTE ST
 2084). Diffuse white, which is 1 in a photo, is where Report ITU-R BT.2408 puts it: 75 % of HLG's signal, 203 cd/m2 of
-PQ. What is brighter is clipped, as photos clip it.
+PQ. What is brighter is clipped, as photos clip it. Cameras' logarithms are decoded to reflectance.
 """
 
 import math
@@ -142,14 +142,169 @@ def _pq_decode(signal: ArrayLike) -> Floats:
     return np.asarray((np.maximum(root - _C1, 0.0) / (_C2 - _C3 * root)) ** (1.0 / _M1) * (_PQ_PEAK / _PQ_WHITE))
 
 
-Curve = Literal["srgb", "rec709", "pq", "hlg"]
+# Logarithms of cameras, from signals in [0, 1] to reflectance: 1 of a white that reflects all light.
+
+
+def _dlog_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of D-Log signals.
+
+    Args:
+        signal: in [0, 1], of any shape.
+
+    References:
+        DJI, White Paper on D-Log and D-Gamut of DJI Cinema Color System, 2017.
+    """
+    v = np.asarray(signal, dtype=np.float64)
+    return np.where(v <= 0.14, (v - 0.0929) / 6.025, (10.0 ** (3.89616 * v - 2.27752) - 0.0108) / 0.9892)
+
+
+def _slog3_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of S-Log3 signals.
+
+    Args:
+        signal: in [0, 1], 10-bit code values divided by 1023, of any shape.
+
+    References:
+        Sony, Technical Summary for S-Gamut3.Cine/S-Log3 and S-Gamut3/S-Log3, 2014.
+    """
+    code, cut = 1023.0 * np.asarray(signal, dtype=np.float64), 171.2102946929
+    linear = (code - 95.0) * 0.01125 / (cut - 95.0)
+    return np.where(code < cut, linear, 0.19 * 10.0 ** ((code - 420.0) / 261.5) - 0.01)
+
+
+def _vlog_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of V-Log signals.
+
+    Args:
+        signal: in [0, 1], 10-bit code values divided by 1023, of any shape.
+
+    References:
+        Panasonic, V-Log/V-Gamut Reference Manual, 2014.
+    """
+    v = np.asarray(signal, dtype=np.float64)
+    return np.where(v < 0.181, (v - 0.125) / 5.6, 10.0 ** ((v - 0.598206) / 0.241514) - 0.00873)
+
+
+def _clog3_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of Canon Log 3 signals.
+
+    Args:
+        signal: in [0, 1], 10-bit code values divided by 1023, of any shape.
+
+    References:
+        Canon, Canon Log Gamma Curves: Description of the Canon Log, Canon Log 2 and Canon Log 3 Gamma Curves, 2018.
+    """
+    v, slope, gain = np.asarray(signal, dtype=np.float64), 0.36726845, 14.98325
+    dark = (1.0 - 10.0 ** ((0.12783901 - v) / slope)) / gain
+    bright = (10.0 ** ((v - 0.12240537) / slope) - 1.0) / gain
+    linear = np.where(v <= 0.15277891, (v - 0.12512219) / 1.9754798, bright)
+    return 0.9 * np.where(v < 0.097465473, dark, linear)
+
+
+def _nlog_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of N-Log signals.
+
+    Args:
+        signal: in [0, 1], 10-bit code values divided by 1023, of any shape.
+
+    References:
+        Nikon, N-Log Specification Document, 1.0.0, 2018.
+    """
+    code = 1023.0 * np.asarray(signal, dtype=np.float64)
+    return np.where(code < 452.0, (code / 650.0) ** 3 - 0.0075, np.exp((code - 619.0) / 150.0))
+
+
+def _flog2_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of F-Log2 signals.
+
+    Args:
+        signal: in [0, 1], 10-bit code values divided by 1023, of any shape.
+
+    References:
+        Fujifilm, F-Log2 Data Sheet, 1.0, 2022.
+    """
+    v = np.asarray(signal, dtype=np.float64)
+    bright = (10.0 ** ((v - 0.384316) / 0.245281) - 0.064829) / 5.555556
+    return np.where(v < 0.100686686370811, (v - 0.092864) / 8.799461, bright)
+
+
+def _apple_log_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of Apple Log signals.
+
+    Args:
+        signal: in [0, 1], of any shape.
+
+    References:
+        Apple, Apple Log Profile White Paper, 2023.
+    """
+    v, lowest, gain, cut = np.asarray(signal, dtype=np.float64), -0.05641088, 47.28711236, 0.01
+    dark = np.sqrt(np.maximum(v, 0.0) / gain) + lowest
+    bright = 2.0 ** ((v - 0.69336945) / 0.08550479) - 0.00964052
+    return np.where(v < gain * (cut - lowest) ** 2, dark, bright)
+
+
+def _logc3_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of ARRI LogC3 signals, of exposure index 800.
+
+    Args:
+        signal: in [0, 1], of any shape.
+
+    References:
+        ARRI, ALEXA Log C Curve: Usage in VFX, 2017, parameters of LogC3 (SUP 3.x and later).
+    """
+    v, slope, base = np.asarray(signal, dtype=np.float64), 5.367655, 0.092809
+    bright = (10.0 ** ((v - 0.385537) / 0.247190) - 0.052272) / 5.555556
+    return np.where(v > slope * 0.010591 + base, bright, (v - base) / slope)
+
+
+def _logc4_decode(signal: ArrayLike) -> Floats:
+    """Return reflectance of ARRI LogC4 signals.
+
+    Args:
+        signal: in [0, 1], of any shape.
+
+    References:
+        ARRI, LogC4 Logarithmic Color Space: Specification, 2022.
+    """
+    v, black, scale = np.asarray(signal, dtype=np.float64), 95.0 / 1023.0, (2.0**18 - 16.0) / 117.45
+    doublings = 14.0 * (v - black) / (1.0 - black) + 6.0
+    slope = 7.0 * math.log(2.0) * 2.0 ** (7.0 - 14.0 * black / (1.0 - black)) / (scale * (1.0 - black))
+    lowest = (2.0 ** (6.0 - 14.0 * black / (1.0 - black)) - 64.0) / scale
+    return np.where(v >= 0.0, (2.0**doublings - 64.0) / scale, v * slope + lowest)
+
+
+LogCurve = Literal["d-log", "s-log3", "v-log", "c-log3", "n-log", "f-log2", "apple-log", "logc3", "logc4"]
+Curve = Literal["srgb", "rec709", "pq", "hlg"] | LogCurve
 DECODE_CURVES: dict[Curve, Callable[[ArrayLike], Floats]] = {
     "srgb": srgb_decode,
     "rec709": _rec709_decode,
     "pq": _pq_decode,
     "hlg": _hlg_decode,
+    "d-log": _dlog_decode,
+    "s-log3": _slog3_decode,
+    "v-log": _vlog_decode,
+    "c-log3": _clog3_decode,
+    "n-log": _nlog_decode,
+    "f-log2": _flog2_decode,
+    "apple-log": _apple_log_decode,
+    "logc3": _logc3_decode,
+    "logc4": _logc4_decode,
 }
 """From coded values in [0, 1] to linear light, 1 at diffuse white, by the name of the curve."""
+LOG_CHROMATICITIES: dict[Curve, tuple[float, ...]] = {  # by the papers of the curves
+    "d-log": (0.71, 0.31, 0.21, 0.88, 0.09, -0.08, 0.3127, 0.3290),  # D-Gamut
+    "s-log3": (0.766, 0.275, 0.225, 0.800, 0.089, -0.087, 0.3127, 0.3290),  # S-Gamut3.Cine
+    "v-log": (0.730, 0.280, 0.165, 0.840, 0.100, -0.030, 0.3127, 0.3290),  # V-Gamut
+    "c-log3": (0.740, 0.270, 0.170, 1.140, 0.080, -0.100, 0.3127, 0.3290),  # Cinema Gamut
+    "n-log": H273_CHROMATICITIES[9],
+    "f-log2": H273_CHROMATICITIES[9],
+    "apple-log": H273_CHROMATICITIES[9],
+    "logc3": (0.6840, 0.3130, 0.2210, 0.8480, 0.0861, -0.1020, 0.3127, 0.3290),  # ARRI Wide Gamut 3
+    "logc4": (0.7347, 0.2653, 0.1424, 0.8576, 0.0991, -0.0308, 0.3127, 0.3290),  # ARRI Wide Gamut 4
+}
+"""x and y of red, green, blue and white of the colors that signals under a logarithm are in."""
+CODE_VALUE_CURVES: frozenset[Curve] = frozenset({"s-log3", "v-log", "c-log3", "n-log", "f-log2"})
+"""Whose signal is the code value itself divided by the largest, in files of limited range too: black is not 0 there."""
 
 
 def check_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:

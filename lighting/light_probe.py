@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
-from lighting.envmap.render import level_irradiance, render, sun_irradiance
+from lighting.envmap.render import level_irradiance, render, sun_light
 from lighting.envmap.surroundings import COARSE_ROWS, PhotoContext, render_coarse
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import describe_fields, round_all, round_significant
@@ -206,7 +206,7 @@ def main_light(lighting: Lighting, *, sun: bool | None = None) -> MainLight:
     """
     clearest = _clearest_sun(lighting)
     shines = lighting.sun_painted if sun is None else sun
-    irradiance = sun_irradiance(lighting) if shines else np.zeros(3)
+    irradiance = sun_light(lighting)[0] if shines else np.zeros(3)
     lux = min(float(luminance(irradiance)) / lighting.exposure, float(luminance(clearest))) * LUX
     return MainLight(lighting.sun_direction, irradiance, lux, color_temperature(irradiance))
 

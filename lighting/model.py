@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.checksum import DATA_FOLDER
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import fit_in_box
-from lighting.onnx_session import create_session, describe_onnx_error, packaged_network
+from lighting.onnx_session import create_session, describe_onnx_error, packaged_network, weights_path
 from lighting.records import SURROUNDINGS_SHAPE, Light, ModelSpec, Prediction
 from lighting.segmentation import CELL_PIXELS, SurfaceClass
 from lighting.sun_grid import grid_directions
@@ -148,16 +149,7 @@ def packaged_model() -> Path:
     Raises:
         ModelError: there is not exactly one.
     """
-    return packaged_network(Path(__file__).parent / "data", "outdoor")
-
-
-def weights_path(network: Path) -> Path:
-    """Return where a network's weights lie unless its own file holds them; its graph names this file.
-
-    Args:
-        network: the ONNX file.
-    """
-    return network.with_name(f"{network.name}.data")
+    return packaged_network(DATA_FOLDER, "outdoor")
 
 
 def network_sha256(network: Path) -> str:

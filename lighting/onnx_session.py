@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from lighting.checksum import verify_checksum
 from lighting.errors import ModelError
 from lighting.runtime import available_cpus
 
@@ -30,7 +31,7 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> An
         for_one_run: leave weights that are stored as bytes until they are needed, and the graph mostly as it is.
 
     Raises:
-        ModelError: the file is missing or no network.
+        ModelError: the file is missing, no network, or one of this package's that is damaged.
     """
     onnxruntime = import_onnxruntime()
     options = onnxruntime.SessionOptions()
@@ -44,12 +45,23 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> An
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")
+    for part in (file, weights_path(file)):
+        verify_checksum(part)
     try:
         disabled = {*_REORDERING, *(_SLOW if for_one_run else ())}
         providers = ["CPUExecutionProvider"]
         return onnxruntime.InferenceSession(str(file), options, providers=providers, disabled_optimizers=disabled)
     except Exception as error:  # onnxruntime's errors share no public base class
         raise ModelError(f"{file} is not an ONNX network that can be read: {describe_onnx_error(error)}") from error
+
+
+def weights_path(network: Path) -> Path:
+    """Return where a network's weights lie unless its own file holds them; its graph names this file.
+
+    Args:
+        network: the ONNX file.
+    """
+    return network.with_name(f"{network.name}.data")
 
 
 def import_onnxruntime() -> Any:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 _BRIEF_COMMANDS = frozenset({"estimate", "envmap", "preview", "render"})  # that mostly end in less than a second
 _ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # that mostly run the network once
-_DATA = Path(__file__).parent / "data"
 _GC_THRESHOLD = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
 
 
@@ -69,11 +68,12 @@ def start_network(command: str) -> StartedNetwork | None:
         return None
     from concurrent.futures import ThreadPoolExecutor
 
+    from lighting.checksum import DATA_FOLDER
     from lighting.onnx_session import create_session, import_onnxruntime, packaged_network
 
     import_onnxruntime()  # here, for two threads that import wait for each other
     with suppress(ModelError):  # which is raised where the network is needed
-        file = packaged_network(_DATA, "outdoor")
+        file = packaged_network(DATA_FOLDER, "outdoor")
         thread = ThreadPoolExecutor(1)
         if command in _BRIEF_COMMANDS:
             thread.submit(reserve_heap, 1)

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "blender" / "light_from_photo"
 SCRIPT = "lighting/data/blender_scene.py"
-TABLES = ("lighting/data/hosek_wilkie.f32", "lighting/data/prague.f16")  # of the skies
+TABLES = tuple(f"lighting/data/{name}" for name in ("hosek_wilkie.f32", "prague.f16", "CHECKSUMS"))  # of the skies
 _IMPORT = re.compile(r"^(\s*)from lighting\.([\w.]+) import ", re.MULTILINE)
 _TYPES_ONLY = re.compile(r"^if TYPE_CHECKING:\n(?:(?: .*)?\n)+", re.MULTILINE)
 _USED = re.compile(r"^\s*from \.?lighting\.([\w.]+) import ", re.MULTILINE)

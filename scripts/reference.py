@@ -14,10 +14,10 @@ from annotated_types import Ge, Gt, Le
 import lighting
 import lighting.errors as errors
 from lighting.cli import Command, Group, cli
-from lighting.envmap.relighting import Adjustments
 from lighting.errors import ErrorCode, LightingError
 from lighting.fields import field_docstrings
 from lighting.light_probe import LightProbe, MainLight
+from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop
 from lighting.records import SunDistribution, WarningCode

@@ -18,6 +18,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.datastructures import Headers
 from starlette.types import Scope
 
+from lighting.checksum import verify_checksums
 from lighting.envmap.latlong import Image
 from lighting.errors import LightingError, MissingExtraError
 from lighting.estimator import Estimator
@@ -179,7 +180,7 @@ class Service:
         """Load the network and start a decoder per worker, unless the app got an estimator.
 
         Raises:
-            ModelError: the network cannot be loaded.
+            ModelError: the network cannot be loaded, or a file of the package is damaged.
             PhotoError: no decoder starts.
             SettingsError: the folder of jobs cannot be used.
         """
@@ -188,6 +189,7 @@ class Service:
             limits = self.settings.job_bytes, self.settings.job_seconds
             self.jobs = JobRunner(store, *limits, self.limiter.usage.load, self._charge_job, self.tracer)
         if self.loaded_estimator is None:
+            verify_checksums()
             self.loaded_estimator = Estimator(Model.load(self.settings.model, self.settings.threads))
             start_decoder_pool(self.settings.workers)
 

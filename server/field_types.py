@@ -112,8 +112,10 @@ def _parse_flag(value: object) -> object:
 def _parse_sun_or_flag(value: object) -> object:
     """Accept `true`, `false` and a direction such as 40,25, which comes as a list of one text, or of two."""
     text = ",".join(map(str, value)) if isinstance(value, list) else value
-    if not isinstance(text, str) or "," not in text:
+    if not isinstance(text, str) or text in ("true", "false"):
         return _parse_flag(text)
+    if "," not in text:
+        raise PydanticCustomError("flag", "must be true, false, or AZIMUTH,ELEVATION in degrees such as 40,25")
     sun = parse_sun(text)
     Adjustments(sun=sun)  # which checks its range
     return sun

@@ -20,12 +20,14 @@ from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, TypeVar
 
+from lighting.confinement import confine_to_folder
 from lighting.errors import ErrorCode, LightingError, VideoError
 from lighting.files import FileOptions, escape_undecodable
 from lighting.fusion.user_input import UserInput
 from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
+from lighting.onnx_session import weights_path
 from lighting.records import Json
-from lighting.runtime import begin_helper, confine_to_folder, limit_address_space
+from lighting.runtime import begin_helper, limit_address_space
 from lighting.tracing import listen_to_steps, trace_step
 
 T = TypeVar("T")
@@ -66,7 +68,7 @@ def run_worker() -> None:
     answers = begin_helper()
     os.chdir(request["folder"])
     _limit_process(request["max_bytes"])
-    network = [Path(request["model"])] if request["model"] else []
+    network = [Path(request["model"]), weights_path(Path(request["model"]))] if request["model"] else []
     confine_to_folder(Path(request["folder"]), network, processes=JOB_KINDS[request["kind"]].processes)
 
     def report(part: float) -> None:
@@ -146,7 +148,8 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
     limit_address_space(_MEMORY)
     options = request["options"]
     outputs = OutputOptions(_view(options, Around.PLAIN), options["tool"], film=options["preview"])
-    job = VideoJob(Path(request["upload"]), _OUT, _user_input(request), options["every"], outputs)
+    curve = options.get("curve")  # requests of earlier versions have none
+    job = VideoJob(Path(request["upload"]), _OUT, _user_input(request), options["every"], outputs, curve)
     with Clip(job.source) as clip:
         duration = max(clip.info.duration, 1e-3)
     model = Model.load(Path(request["model"]) if request["model"] else None, threads=1)
@@ -296,7 +299,7 @@ MAP_OPTIONS = _CLIP_OPTIONS | frozenset({*option_texts(MapOptions), *option_text
 JOB_KINDS = {
     "video": _JobKind(
         "a clip",
-        _USER_INPUT | _CLIP_OPTIONS | {"camera_height", "keep_location", "every", "for", "preview"},
+        _USER_INPUT | _CLIP_OPTIONS | {"camera_height", "keep_location", "every", "curve", "for", "preview"},
         _process_clip,
     ),
     "photos": _JobKind(

@@ -13,6 +13,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from pydantic import Field, model_validator
 
+from lighting.color import DECODE_CURVES
 from lighting.fusion.user_input import UserInput
 from lighting.map_options import Around
 from lighting.records import Json
@@ -28,7 +29,7 @@ from server.limits import BusyError, client_of_request
 from server.problems import ProblemError, problem_responses
 from server.query_params import AdjustQuery, MapQuery, PlaceQuery, UserInputQuery, refuse_parameters
 from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
-from server.responses import ZIP_TYPE
+from server.responses import ZIP_TYPE, link_from
 from server.schemas import JobRecord
 
 _UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
@@ -60,6 +61,9 @@ class _JobQuery(UserInputQuery, AdjustQuery, PlaceQuery, MapQuery):
         description="; ".join(f"`{name}`: {kind.upload}" for name, kind in JOB_KINDS.items())
     )
     every: Annotated[float, InRange(0.04, 60, description="s; of a clip the network sees a frame this often")] = 0.2
+    curve: Annotated[str | None, RegistryName(DECODE_CURVES), NotNull()] = Field(
+        None, description="of a clip: how it is coded, such as d-log or s-log3; by default as its file says"
+    )
     tool: Annotated[str | None, RegistryName(animated_tools()), NotNull()] = Field(
         None, alias="for", description="of a clip: also a scene for this tool, its camera with key frames"
     )
@@ -84,7 +88,7 @@ class _JobQuery(UserInputQuery, AdjustQuery, PlaceQuery, MapQuery):
         """The request of a job's process."""
         known = self.user_input()
         stated = {field.name: getattr(known, field.name) for field in fields(UserInput)}
-        names = ("every", "tool", "preview", "envmap", "camera_elevation", "camera_roll")
+        names = ("every", "curve", "tool", "preview", "envmap", "camera_elevation", "camera_roll")
         options = {name: getattr(self, name) for name in names}
         return {
             "kind": self.kind,
@@ -217,7 +221,7 @@ def _answer_job(request: Request, jobs: JobRunner, number: str, status: int) -> 
     job = jobs.store.find(number)
     if job is None:
         raise ProblemError(problems.UNKNOWN_JOB, problems.UNKNOWN_JOB.example)
-    address = f"{request.scope.get('root_path', '')}/v1/jobs/{job.id}"
+    address = link_from(request, f"/v1/jobs/{job.id}")
     finished, ended = job.state is JobState.FINISHED, job.expires is not None
     record = JobRecord(
         id=job.id,

@@ -15,7 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.types import Scope
 
-from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.errors import FOREIGN_NAMES, ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.fields import parameter_name
 from lighting.records import Json
 from server.limits import BusyError, ShareTakenError, TooManyUploadsError
@@ -145,7 +145,8 @@ UNSUPPORTED_TYPE = ProblemKind(
     415,
     "The body is of a type that is not accepted",
     "The body has a Content-Encoding; send it as it is, without one.",
-    "`Accept` names the types that are accepted; a body with a `Content-Encoding` is none.",
+    "The body does not begin as a photo does, and its type is none that `Accept` names. "
+    "A body with a `Content-Encoding` is none.",
 )
 BAD_RANGE = ProblemKind(
     "bad-range",
@@ -246,6 +247,14 @@ _CODE_BY_TYPE = {  # of our own checks in server/field_types.py and server/query
 _REMOVED_ROUTES = {  # by path: what to use instead
     "/healthz": "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
     "/v1/stereo/plan": "GET /v1/stereo/plan was removed; run the command `lighting stereo plan`, which plans the same.",
+}
+_FOREIGN_ROUTES = {  # by the last part of a path, what does its work here
+    **dict.fromkeys(("estimate", "predict", "analyze", "upload", "photo", "sun", "light"), "POST /v1/lighting"),
+    **dict.fromkeys(("estimates", "batch"), "POST /v1/lightings"),
+    **dict.fromkeys(("hdri", "hdr", "exr", "map", "sky", "render", "generate"), "POST /v1/envmap"),
+    **dict.fromkeys(("video", "clip"), "POST /v1/jobs"),
+    **dict.fromkeys(("health", "healthcheck", "live", "liveness", "ping", "status"), "GET /livez"),
+    **dict.fromkeys(("ready", "readiness"), "GET /readyz"),
 }
 _UNLISTED_ROUTES = ("/", "/docs", "/openapi.json")  # that the OpenAPI document leaves out
 _MIN_SIMILAR_LENGTH, _MAX_SIMILAR_LENGTH = 3, 64  # letters of a name for which a similar one is sought
@@ -387,7 +396,9 @@ def _problem_of_http_exception(request: Request, error: HTTPException) -> Proble
 
 def _route_hint(request: Request) -> str:
     """What a client may have meant by a path that is no route."""
-    near = _find_similar(route_path(request.scope), [*request.app.openapi()["paths"], *_UNLISTED_ROUTES])
+    path = route_path(request.scope)
+    near = _FOREIGN_ROUTES.get(path.rstrip("/").rpartition("/")[2].lower())
+    near = near or _find_similar(path, [*request.app.openapi()["paths"], *_UNLISTED_ROUTES])
     return (f" Did you mean {near}?" if near else "") + " GET /docs lists all."
 
 
@@ -434,7 +445,8 @@ def _parameter_hint(name: str, details: Mapping[str, Any], schemas: Mapping[str,
     near = ""
     match details["type"]:
         case "extra_forbidden":
-            near = _find_similar(name, schemas)
+            meant = FOREIGN_NAMES.get(name, "")
+            near = meant if meant in schemas else _find_similar(name, schemas)
         case "literal_error":
             near = _find_similar(str(details["input"]), values)
         case "missing" if values:

@@ -78,6 +78,11 @@ class UserInputQuery(Query):
     camera_height: Annotated[
         float | None, parameter_range("camera_height", "m, of the camera above the ground; by default 1.6", 1.6)
     ] = None
+    shadow: str = Field(
+        "",
+        description="shadows of the upright photo, in pixels, from foot to tip, separated by `;`",
+        examples=["310,820,455,790;own:300,900"],
+    )
     keep_location: types.Flag = Field(False, description="put latitude and longitude into the answer")
 
     @model_validator(mode="after")
@@ -87,7 +92,9 @@ class UserInputQuery(Query):
 
     def user_input(self) -> UserInput:
         """The same for the library; raises ParameterError for values that contradict each other."""
-        return UserInput(**{field.name: getattr(self, parameter_name(field.name)) for field in fields(UserInput)})
+        names = [field.name for field in fields(UserInput) if field.name != "shadows"]
+        shadows = [mark for mark in self.shadow.split(";") if mark.strip()]
+        return UserInput(shadows=shadows, **{name: getattr(self, parameter_name(name)) for name in names})
 
 
 class LightingQuery(UserInputQuery):

@@ -19,6 +19,7 @@ from starlette.formparsers import MultiPartException, MultiPartParser
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import record_path
+from lighting.photo.formats import HEAD_BYTES, begins_as_photo
 from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
 from server import problems
 from server.limits import PLACE_BYTES, ArrivingBody, client_of_request
@@ -139,7 +140,7 @@ class RequestBody:
         if body_type in PHOTO_TYPES:
             return [Upload(await self._within_limits(lambda: self._read_all(self.limits.max_bytes)))]
         listed = ", ".join((FORM_TYPE, *PHOTO_TYPES, *also))
-        raise _unsupported_type(listed, PHOTO_FIELD)
+        return [Upload(await self._within_limits(lambda: self._read_photo(listed)))]
 
     async def save(self, path: Path) -> str:
         """Write the file of a form, or the whole body, to a new file; the name that the client gave it, or nothing.
@@ -206,6 +207,19 @@ class RequestBody:
 
     async def _read_all(self, limit: int) -> bytes:
         return b"".join([chunk async for chunk in self._chunks(limit)])
+
+    async def _read_photo(self, listed: str) -> bytes:
+        """A body of another type that begins as a photo does; ProblemError for any other, before all of it has come."""
+        data, checked = bytearray(), False
+        async for chunk in self._chunks(self.limits.max_bytes):
+            data += chunk
+            if len(data) >= HEAD_BYTES and not checked:
+                checked = True
+                if not begins_as_photo(bytes(data[:HEAD_BYTES])):
+                    break
+        if not begins_as_photo(bytes(data[:HEAD_BYTES])):
+            raise _unsupported_type(listed, PHOTO_FIELD)
+        return bytes(data)
 
     async def _chunks(self, limit: int) -> AsyncGenerator[bytes, None]:
         _check_size(announced_size(self.request), limit)

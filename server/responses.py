@@ -1,5 +1,6 @@
 """Responses: lighting records with links, JSON with a tag, and whether a client's copy is still good."""
 
+import posixpath
 from dataclasses import asdict
 from datetime import UTC
 from urllib.parse import urlencode
@@ -16,22 +17,34 @@ from lighting.records import Json, Lighting, SunDistribution, record_with_coeffi
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer, tag_bytes
+from server.problems import route_path
 from server.query_params import LightingQuery
 
 WARNINGS_HEADER = "Lighting-Warnings"
 ZIP_TYPE = "application/zip"
 
 
-def estimate_to_json(answer: PhotoAnswer, query: LightingQuery, root: str) -> Json:
+def link_from(request: Request, target: str) -> str:
+    """A link to another route, relative to a request's URL: it leads there under any path of a proxy.
+
+    Args:
+        request: whose answer holds the link.
+        target: path of the route, perhaps with a query.
+    """
+    return posixpath.relpath(target, posixpath.dirname(route_path(request.scope)))
+
+
+def estimate_to_json(request: Request, answer: PhotoAnswer, query: LightingQuery) -> Json:
     """The JSON of an estimate.
 
     Args:
+        request: which asks for it.
         answer: of a photo.
         query: whether to include the sun's probability.
-        root: the path under which the service lives; empty at the host's root.
     """
     lighting = answer.estimate.lighting
-    record = {**record_with_coefficients(lighting, answer.probe), "links": {"envmap": _envmap_link(lighting, root)}}
+    links = {"envmap": link_from(request, _envmap_path(lighting))}
+    record = {**record_with_coefficients(lighting, answer.probe), "links": links}
     if lighting.warnings:
         record["warning_codes"] = [warning_code(warning).value for warning in lighting.warnings]
     if query.probability:
@@ -73,7 +86,7 @@ def _surroundings(gain: Image) -> Json:
     return {"rows": rows, "columns": columns, "factors": cells}
 
 
-def _envmap_link(lighting: Lighting, root: str) -> str:
+def _envmap_path(lighting: Lighting) -> str:
     """The path and query of the environment map of a lighting."""
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure", "ground_albedo")
     values = {name: getattr(lighting, name) for name in names}
@@ -81,7 +94,7 @@ def _envmap_link(lighting: Lighting, root: str) -> str:
     values |= {name: ",".join(f"{value:g}" for value in color) for name, color in colors.items()}
     values |= {} if lighting.sky_cover is None else {"sky_cover": lighting.sky_cover}
     values |= {} if lighting.map_sky == SKY_MODEL else {"sky": lighting.map_sky}
-    return f"{root}/v1/envmap?{urlencode({**values, 'sun': str(lighting.sun_painted).lower()}, safe=',')}"
+    return f"/v1/envmap?{urlencode({**values, 'sun': str(lighting.sun_painted).lower()}, safe=',')}"
 
 
 def _sun_probability(sun: SunDistribution) -> Json:

@@ -145,7 +145,7 @@ async def _estimate_lighting(
     Edit the answer and send it to `POST /v1/envmap` for its map. Several photos go to `POST /v1/lightings`.
     """
     answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
-    return JSONResponse(responses.estimate_to_json(answer, query, request.scope.get("root_path", "")))
+    return JSONResponse(responses.estimate_to_json(request, answer, query))
 
 
 @router.post(
@@ -162,8 +162,8 @@ async def _estimate_lightings(
     """A burst, a panorama sweep or a drive: several files `photo` in one form are taken together."""
     queries.check_photo_headings(len(photos), query)
     answers = await admission.run(tasks.estimate_photos, admission.service, photos, query)
-    root = request.scope.get("root_path", "")
-    return JSONResponse({"lightings": [responses.estimate_to_json(answer, query, root) for answer in answers]})
+    records = [responses.estimate_to_json(request, answer, query) for answer in answers]
+    return JSONResponse({"lightings": records})
 
 
 @_get_file("/envmap", summary="The environment map of a sky", responses={200: _MAP_RESPONSE, **_SKY_ANSWERS})
@@ -397,7 +397,7 @@ async def _infer(request: Request, admission: AdmissionDep, name: str, version: 
     header, photo = _parse_request(await admission.body.inference(), request.headers.get(_LENGTH_HEADER, ""))
     query = LightingQuery()
     answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
-    record = responses.estimate_to_json(answer, query, request.scope.get("root_path", ""))
+    record = responses.estimate_to_json(request, answer, query)
     output = {"name": _OUTPUT, "datatype": "BYTES", "shape": [1], "data": [json.dumps(record)]}
     named = {"id": header["id"]} if isinstance(header.get("id"), str) else {}
     return JSONResponse({"model_name": spec.name, "model_version": spec.version, **named, "outputs": [output]})

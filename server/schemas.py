@@ -25,7 +25,7 @@ _SkyName = Annotated[str, RegistryName(SKY_MODELS)]
 _Numbers = Annotated[list[float], FailFast()]
 _Texts = Annotated[list[str], FailFast()]
 
-_LINK = "/v1/envmap?sun_azimuth=-41.2&sun_elevation=33.0&turbidity=3.4&exposure=5.0&ground_albedo=0.3&sun=true"
+_LINK = "envmap?sun_azimuth=-41.2&sun_elevation=33.0&turbidity=3.4&exposure=5.0&ground_albedo=0.3&sun=true"
 
 
 class _Part(BaseModel):
@@ -185,7 +185,9 @@ class LightingEstimate(LightingRecord):
         main_light: MainLightPart
 
     class Links(BaseModel):
-        envmap: str = Field(description="link to the environment map of this light", examples=[_LINK])
+        envmap: str = Field(
+            description="link to the environment map of this light, relative to this request's URL", examples=[_LINK]
+        )
 
     class CropRecord(BaseModel):
         """The photo inside a border, in pixels of the upright picture: camera, spot and maps are of this part alone."""
@@ -331,7 +333,9 @@ class JobRecord(BaseModel):
     """A job and where it is on its way."""
 
     class JobLinks(BaseModel):
-        self: str = Field(description="of this record", examples=["/v1/jobs/0PzMZlz5QyxYyh4sHUhXrQ"])
+        self: str = Field(
+            description="of this record, relative to this request's URL", examples=["jobs/0PzMZlz5QyxYyh4sHUhXrQ"]
+        )
         result: str | None = Field(None, description="of the ZIP; present once the job has finished")
 
     id: str = Field(description="secret: who knows it may read the result", examples=["0PzMZlz5QyxYyh4sHUhXrQ"])

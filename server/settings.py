@@ -142,7 +142,7 @@ class Settings(BaseSettings):
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
     )
     root_path: str = Field(
-        "", description="path that a proxy removes from requests, for example `/light`; links include it"
+        "", description="path that a proxy removes from requests, for example `/light`; `/openapi.json` names it"
     )
     otlp_endpoint: str = Field(
         "",

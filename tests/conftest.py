@@ -31,10 +31,9 @@ register_heif_writer()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Also one thread for the arrays of each of several workers, which would otherwise wait for each other."""
+    """Also one thread for arrays: those of several workers would wait for each other, and small ones gain nothing."""
     config.pluginmanager.register(requirements)
-    if config.getoption("numprocesses", None):
-        os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     gc.disable()
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import uvicorn
 import yaml
+from packaging.version import Version
 
 from lighting.photo.reader import memory_budget
 from lighting.registration import photo_set
@@ -41,6 +42,14 @@ def settings_of(services: Any) -> Settings:
 def test_every_setting_is_one_and_the_images_are_pinned(services: Any) -> None:
     settings_of(services)
     assert re.fullmatch(r"caddy:[\d.]+-alpine@sha256:[0-9a-f]{64}", services["proxy"]["image"])
+
+
+def test_the_pinned_proxy_is_the_one_that_the_caddyfile_speaks_of(services: Any) -> None:
+    named = re.search(r"from Caddy ([\d.]+) on", (ROOT / "Caddyfile").read_text())
+    pinned = re.search(r"caddy:([\d.]+)-", services["proxy"]["image"])
+    assert named
+    assert pinned
+    assert Version(pinned[1]) >= Version(named[1])
 
 
 def test_one_address_cannot_take_all_uploads(services: Any) -> None:

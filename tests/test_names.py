@@ -3,6 +3,7 @@
 import ast
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,13 @@ PACKAGES = ("lighting", "server", "export")
 Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
 
 
-def public_definitions() -> Iterator[tuple[str, Definition]]:
+@cache
+def public_definitions() -> tuple[tuple[str, Definition], ...]:
     """Each public top-level function and class, with its file."""
+    return tuple(_public_definitions())
+
+
+def _public_definitions() -> Iterator[tuple[str, Definition]]:
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             if "node_modules" in path.parts:

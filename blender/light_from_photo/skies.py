@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from .lighting.color import color_and_intensity, luminance
-from .lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments, adjust_lighting
-from .lighting.envmap.render import render, sky_irradiance, sun_irradiance
+from .lighting.envmap.relighting import adjust_lighting
+from .lighting.envmap.render import render, sky_irradiance, sun_light
 from .lighting.fields import RANGES
 from .lighting.geometry import to_z_up
+from .lighting.map_options import EXPOSURE_RANGE, Adjustments
 from .lighting.records import Lighting
 
 HEIGHT = 512  # rows of the map, as in the scenes
@@ -43,7 +44,7 @@ def pixels(light: Lighting, shines: bool) -> Any:
 
 def sun(light: Lighting, shines: bool) -> dict[str, Any]:
     """What `aim_sun` takes: direction, colour and irradiance."""
-    color, intensity = color_and_intensity(sun_irradiance(light) if shines else np.zeros(3))
+    color, intensity = color_and_intensity(sun_light(light)[0] if shines else np.zeros(3))
     return {
         "direction": to_z_up(light.sun_direction).tolist(),
         "colour": color.tolist(),

@@ -17,7 +17,7 @@ from PIL import Image
 
 from export.crops.crops import NOT_STRETCHED, Camera, Crop, Source, Stretch, resize
 from export.data.panoramas import linearize
-from lighting.envmap.render import sky_irradiance, sun_irradiance
+from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, sample_latlong
 from lighting.records import Lighting, ModelSpec
 
@@ -74,7 +74,7 @@ def clear_sun_to_sky_ratio(elevation: int) -> Floats:
         elevation: deg, of the sun above the horizon.
     """
     clear = Lighting(0.0, float(elevation), _CLEAR_TURBIDITY, 1.0)
-    return np.asarray(sun_irradiance(clear) / sky_irradiance(clear)) * _VISIBLE_RATIO
+    return np.asarray(sun_light(clear)[0] / sky_irradiance(clear)) * _VISIBLE_RATIO
 
 
 def _measure(linear: Floats, source: Source) -> tuple[Floats, Floats]:

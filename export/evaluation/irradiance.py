@@ -20,11 +20,11 @@ from export.evaluation.relighting import HEIGHT, OBJECTS, object_errors, pool_ma
 from lighting.color import luminance, tone_map
 from lighting.envmap.latlong import row_irradiance, shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
-from lighting.envmap.render import level_irradiance, render, sky_irradiance, sun_irradiance, with_irradiance
+from lighting.envmap.render import level_irradiance, render, sky_irradiance, sun_light, with_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
-from lighting.estimator import Estimator, apply_photo_colors
+from lighting.estimator import Estimator
 from lighting.fields import clip_color
-from lighting.fusion.estimate import build_estimate
+from lighting.fusion.estimate import apply_photo_colors, build_estimate
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import fuse
 from lighting.fusion.user_input import NO_USER_INPUT
@@ -369,7 +369,7 @@ def _parts(truth: Sequence[_TrueLight], guess: _Guess) -> list[str]:
     """Bias of sky, sun and their ratio, and the share of painted suns; "-" where a method or the truth has none."""
     if not guess.lights:
         return ["-"] * 4
-    sky, sun = [sky_irradiance(li) for li in guess.lights], [sun_irradiance(li) for li in guess.lights]
+    sky, sun = [sky_irradiance(li) for li in guess.lights], [sun_light(li)[0] for li in guess.lights]
     up = np.array([max(float(li.sun_direction[1]), 0.0) for li in guess.lights])
     painted = luminance(np.array(sun)) * up > MIN_SUN_SHARE * luminance(np.array(sky))
     above = _stops(sky, [t.sky_irradiance for t in truth])

@@ -10,7 +10,8 @@ from pathlib import Path
 from export.data.panoramas import DataError, Panorama, is_permissive, read_index
 from export.evaluation.report import Figures
 from lighting.files import atomic_write
-from lighting.model import METRICS, Model, network_sha256, weights_path
+from lighting.model import METRICS, Model, network_sha256
+from lighting.onnx_session import weights_path
 
 Cell = float | list[float] | str | None
 _NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?(?: ?%)?")

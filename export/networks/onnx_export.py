@@ -28,6 +28,7 @@ from export.crops.targets import CELL, COLUMNS, MIN_RADIANCE, ROWS
 from export.data.panoramas import DataError
 from export.networks.backbone import Backbone, NetworkOutput
 from export.networks.outdoor import ROLL_SCALE, decode_parameters, mean_of_camera_bins, roll_bins_std
+from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.segmentation import SegmentationBranch
 from export.networks.weights import (
     describe_data,
@@ -39,18 +40,22 @@ from export.networks.weights import (
 )
 from lighting.errors import ModelError
 from lighting.geometry import angles
-from lighting.model import OUTPUTS, Model, weights_path
+from lighting.model import OUTPUTS, Model
+from lighting.onnx_session import weights_path
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
 MIN_BYTES = 200_000  # elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
 _MIN_HALF = 8192  # elements of a tensor that is stored in half precision
 _MIN_FLAT = 70_000  # elements of the weights of a convolution that sees its pixels in one row
+_MIN_PRODUCT = 100_000  # elements of the weights of a matrix product of whole numbers
+_SEVEN_BITS = 63  # largest of their values
 _BLOCKED_AXES = 4  # of the weights of a convolution over rows and columns
 _MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
-_OPSET = 18
+_OPSET = 20
 _TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
 ROUNDED_TOLERANCE = 3e-2  # the same once weights are stored small: that shifts the camera, and a sun in view with it
+_WHOLE_TOLERANCE = 6e-2  # the same where products are of whole numbers
 
 
 # Changes to the graph: nothing is computed twice, and weights are stored small.
@@ -232,6 +237,41 @@ def _save_graph(model: Any, path: Path) -> None:
         file.chmod(0o644)
 
 
+def quantize_products(model: Any) -> bool:
+    """Let large matrix products be of whole numbers: weights of seven bits, inputs of eight with a scale for each run.
+
+    Sums of whole numbers are exact, so they are the same in any order and on any processor. Weights have seven bits,
+    because older processors add two products in sixteen. Returns whether there are such products.
+
+    Args:
+        model: the ONNX model, changed in place.
+    """
+    graph = model.graph
+    weights = {t.name: t for t in graph.initializer if len(t.dims) == 2 and math.prod(t.dims) >= _MIN_PRODUCT}
+    nodes, done = [], set()
+    for node in graph.node:
+        if node.op_type != "MatMul" or node.input[1] not in weights:
+            nodes.append(node)
+            continue
+        source, name, target = *node.input, node.output[0]
+        if name not in done:
+            values = numpy_helper.to_array(weights[name])
+            scale = np.maximum(np.abs(values).max(axis=0) / _SEVEN_BITS, np.float32(1e-20)).astype(np.float32)
+            weights[name].CopyFrom(numpy_helper.from_array(np.round(values / scale).astype(np.int8), name))
+            graph.initializer.append(numpy_helper.from_array(scale, f"{name}.scale"))
+            done.add(name)
+        parts = [f"{target}.{part}" for part in ("bytes", "scale", "zero", "sum", "float", "scales")]
+        nodes += [
+            helper.make_node("DynamicQuantizeLinear", [source], parts[:3]),
+            helper.make_node("MatMulInteger", [parts[0], name, parts[2]], [parts[3]]),
+            helper.make_node("Cast", [parts[3]], [parts[4]], to=TensorProto.FLOAT),
+            helper.make_node("Mul", [parts[1], f"{name}.scale"], [parts[5]]),
+            helper.make_node("Mul", [parts[4], parts[5]], [target]),
+        ]
+    _replace(graph.node, nodes)
+    return bool(done)
+
+
 def _replace(field: Any, values: list[Any]) -> None:
     del field[:]
     field.extend(values)
@@ -344,13 +384,15 @@ class _Ensemble(nn.Module):
         cameras: Sequence[nn.Module] = (),
         elevation_scale: float = math.inf,
         segmentation: SegmentationBranch | None = None,
+        suns: Sequence[nn.Module] = (),
     ) -> None:
         super().__init__()
         self.segmentation = segmentation
         # A copy, for weights of one layer that is used twice are not folded; equal nodes are merged later.
-        self.beginning = copy.deepcopy(networks[0].backbone) if segmentation else None
+        self.beginning = copy.deepcopy(_with_backbone([*networks, *suns]).backbone) if segmentation else None
         self.cameras = nn.ModuleList(cameras)
         self.networks = nn.ModuleList(networks)
+        self.suns = nn.ModuleList(suns)
         self.temperature = temperature
         cells = grid_directions(sun_grid)
         self.register_buffer("cells", torch.tensor(cells, dtype=torch.float32))
@@ -364,13 +406,14 @@ class _Ensemble(nn.Module):
 
     def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
         predicted: list[NetworkOutput] = [network(photo) for network in self.networks]
-        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in predicted]).mean(dim=0)
+        of_suns = [*predicted, *(network(photo) for network in self.suns)]
+        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in of_suns]).mean(dim=0)
         sun = nn.functional.normalize(sun * self.prior, p=1.0, dim=1)
         raw = torch.stack([one.raw.float() for one in predicted]).mean(dim=0)
         of_cameras = [network(photo) for network in self.cameras] or predicted
         camera = torch.stack([_camera_values(one) for one in of_cameras]).mean(dim=0)
         parameters = decode_parameters(torch.cat([raw[:, :2], camera, raw[:, 5:]], dim=1))
-        in_view = [_sun_in_view_probability(p.sun_in_view.float()) for p in predicted if p.sun_in_view.shape[1]]
+        in_view = [_sun_in_view_probability(p.sun_in_view.float()) for p in of_suns if p.sun_in_view.shape[1]]
         if in_view:
             rays = _cell_directions(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
             sun = _fuse_sun_in_view(sun, torch.stack(in_view).mean(dim=0), rays, self.cells)
@@ -382,6 +425,11 @@ class _Ensemble(nn.Module):
             return ()
         logits = self.segmentation(self.beginning.frozen_features(photo))
         return (logits.softmax(dim=1).permute(0, 2, 3, 1),)
+
+
+def _with_backbone(networks: Sequence[nn.Module]) -> Any:
+    """The first network that has a convolutional backbone, else the first."""
+    return next((one for one in networks if isinstance(getattr(one, "backbone", None), Backbone)), networks[0])
 
 
 def _camera_values(predicted: NetworkOutput) -> Tensor:
@@ -422,6 +470,7 @@ def write_onnx(
     cameras: Sequence[Path] = (),
     elevation_scale: float = math.inf,
     segments: Path | None = None,
+    suns: Sequence[Path] = (),
 ) -> float:
     """Write a graph and its weights beside it; returns the largest difference to torch, relative to each output.
 
@@ -433,26 +482,29 @@ def write_onnx(
         cameras: folders of the runs whose networks answer for the camera instead; empty for those of `folders`.
         elevation_scale: deg; probabilities are multiplied by exp(-elevation / scale), with inf by 1.
         segments: folder of the run whose branch tells what photos show; None: nothing tells it.
+        suns: folders of further runs whose networks answer for the sun alone, with those of `folders`.
 
     Raises:
         DataError: if the runs' networks expect different photos, or the branch does not fit the first of them.
         ModelError: if the answers differ from torch's by more than _TOLERANCE, or by more than ROUNDED_TOLERANCE once
-            the weights are stored in half precision.
+            the weights are stored in half precision; with products of whole numbers, by more than _WHOLE_TOLERANCE.
 
     References: [1] Guo et al., On calibration of modern neural networks, ICML 2017.
     """
-    if have_different_specs([*folders, *cameras]):
+    if have_different_specs([*folders, *suns, *cameras]):
         raise DataError("The runs' networks expect different photos, so they cannot answer together.")
     spec, metadata = _describe(folders, version)
-    metadata["cameras"] = json.dumps([training_history(read_record(f)) for f in cameras])
-    networks, of_cameras = ([read_network(f) for f in some] for some in (folders, cameras))
+    others = {"suns": suns, "cameras": cameras}
+    metadata |= {name: json.dumps([training_history(read_record(f)) for f in some]) for name, some in others.items()}
+    networks, of_suns, of_cameras = ([_read_folded(f) for f in some] for some in (folders, suns, cameras))
     branch = None
     if segments is not None:
         branch = SegmentationBranch.read(segments)
-        branch.check_beginning(networks[0], spec.height, spec.width)
+        branch.check_beginning(_with_backbone([*networks, *of_suns]), spec.height, spec.width)
         metadata["segments"] = str(read_record(segments)["training_data"])
-    ensemble = _Ensemble(networks, spec.sun_grid, temperature, of_cameras, elevation_scale, branch).eval()
-    metadata["networks"] = str(len(folders) + len(cameras))
+    parts = (temperature, of_cameras, elevation_scale, branch, of_suns)
+    ensemble = _Ensemble(networks, spec.sun_grid, *parts).eval()
+    metadata["networks"] = str(len(folders) + len(suns) + len(cameras))
     metadata |= {"temperature": f"{temperature:.3f}", "elevation_scale": f"{elevation_scale:g}"}
     target.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=target.parent) as folder:
@@ -465,7 +517,8 @@ def write_onnx(
         strip_origin(model)
         _merge_equal_nodes(model)
         _flatten_pointwise(model)
-        model, difference = _store_as_small_as_agrees(model, ensemble, path)
+        tolerance = _WHOLE_TOLERANCE if quantize_products(model) else ROUNDED_TOLERANCE
+        model, difference = _store_as_small_as_agrees(model, ensemble, path, tolerance)
         add_metadata(model, {"parity": f"{difference:.2e}"})
         _save_graph(model, path)
         weights_path(path).replace(weights_path(target))
@@ -473,16 +526,22 @@ def write_onnx(
     return difference
 
 
-def _store_as_small_as_agrees(model: Any, ensemble: _Ensemble, path: Path) -> tuple[Any, float]:
+def _read_folded(folder: Path) -> nn.Module:
+    """The network of a run, with constants multiplied out where it can do that."""
+    network = read_network(folder)
+    return network.fold() if isinstance(network, OutdoorTransformer) else network
+
+
+def _store_as_small_as_agrees(model: Any, ensemble: _Ensemble, path: Path, tolerance: float) -> tuple[Any, float]:
     """The model with large weights as bytes, or else all in half precision, on disk; and its difference to torch."""
     for min_bytes in (MIN_BYTES, sys.maxsize):
         small = copy.deepcopy(model)
         store_small(small, min_bytes)
         _save_graph(small, path)
         difference = _parity(ensemble, path)
-        if difference <= ROUNDED_TOLERANCE:
+        if difference <= tolerance:
             break
-    return small, _check(difference, ROUNDED_TOLERANCE)
+    return small, _check(difference, tolerance)
 
 
 def _describe(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec, dict[str, str]]:

@@ -180,6 +180,15 @@ class Outdoor(nn.Module):
         sun, raw = self.sun(features), self.values(features)
         return NetworkOutput(sun, raw, sun_in_view, surroundings, camera, light, suitable)
 
+    def pooled(self, photo: Tensor) -> Tensor:
+        """Numbers (B, 1280) that tell what is in the picture.
+
+        Args:
+            photo: (B, 3, H, W).
+        """
+        features: Tensor = self.backbone(photo)[2]
+        return features
+
 
 def _head(features: int, outputs: int) -> nn.Sequential:
     first, last = nn.Linear(features, _HIDDEN), nn.Linear(_HIDDEN, outputs)
@@ -271,9 +280,9 @@ def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
 
 # What the networks expect.
 
-TARGET_WIDTH = {"outdoor": 4.0, "cvpr2017": 6.4}  # deg per axis; CVPR 2017 has a kappa of 80
-_BACKBONE_MEAN = (127 / 255,) * 3  # what the pretrained weights were trained with
-_BACKBONE_STD = (128 / 255,) * 3
+TARGET_WIDTH = {"outdoor": 4.0, "transformer": 4.0, "cvpr2017": 6.4}  # deg per axis; CVPR 2017 has a kappa of 80
+BACKBONE_MEAN = (127 / 255,) * 3  # what the pretrained weights were trained with
+BACKBONE_STD = (128 / 255,) * 3
 
 
 def network_specs(version: str) -> dict[str, ModelSpec]:
@@ -282,9 +291,11 @@ def network_specs(version: str) -> dict[str, ModelSpec]:
     Args:
         version: of the network, such as "2.5.0".
     """
+    ours = ModelSpec("outdoor", version, 224, 224, BACKBONE_MEAN, BACKBONE_STD, "fibonacci:1024")
     return {
-        "outdoor": ModelSpec("outdoor", version, 224, 224, _BACKBONE_MEAN, _BACKBONE_STD, "fibonacci:1024"),
-        "cvpr2017": ModelSpec("cvpr2017", version, 320, 240, _BACKBONE_MEAN, _BACKBONE_STD, "rings:5x32"),
+        "outdoor": ours,
+        "transformer": ours,  # so that both may answer in one file
+        "cvpr2017": ModelSpec("cvpr2017", version, 320, 240, BACKBONE_MEAN, BACKBONE_STD, "rings:5x32"),
     }
 
 

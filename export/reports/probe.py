@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from export.evaluation.metrics import markdown_table
 from lighting.color import luminance
-from lighting.envmap.render import render, sun_irradiance
+from lighting.envmap.render import render, sun_light
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import clipped_mask, make_bracket
@@ -172,7 +172,7 @@ def _measure_bracket(camera: _BracketCamera, moment: Moment, lens: Lens, yaw: fl
     assert probe.spot is not None
     assert probe.alignment is not None
     gain = _bracket_gain(picture, camera)
-    power = probe.spot.irradiance / gain / sun_irradiance(lighting) - 1
+    power = probe.spot.irradiance / gain / sun_light(lighting)[0] - 1
     longest, seconds = bracket.photos[-1], BRACKET_TIMES[-1]
     radiance = longest.pixels / np.float32(seconds)
     single = resample_to_latlong(radiance, clipped_mask(longest), lens, rotation, MAP_HEIGHT)[0]

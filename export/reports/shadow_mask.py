@@ -18,7 +18,7 @@ from export.data.rendered_towns import RenderedTown, random_sky
 from export.evaluation.metrics import figures_table, percentage
 from lighting.color import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap.latlong import row_irradiance
-from lighting.envmap.render import sky_irradiance, sun_irradiance
+from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.envmap.shadow_mask import ground_shadow_mask
 from lighting.estimator import Estimator
 from lighting.geometry import Floats, Pinhole, wrap_azimuth
@@ -144,7 +144,7 @@ def _shade_figures(
 def _shadow_error(scene: _GroundScene, light: Lighting, lit: Floats) -> Floats:
     """Stops (N,) by which the ground is too bright where a thing that is put there hides the sun."""
     sky = float(luminance(sky_irradiance(light)))
-    sun = float(luminance(sun_irradiance(light))) * max(float(light.sun_direction[1]), 0.0)
+    sun = float(luminance(sun_light(light)[0])) * max(float(light.sun_direction[1]), 0.0)
     remaining = luminance(SRGB_LINEAR[scene.picture])[scene.ground] * sky / (sky + lit[scene.ground] * sun)
     true = np.maximum(scene.darkened[scene.ground], MIN_LUMINANCE_SHADE)
     return np.asarray(np.log2(np.maximum(remaining, MIN_LUMINANCE_SHADE) / true))

@@ -62,7 +62,7 @@ class TrainConfig:
     data: str  # folder of panoramas
     labels: str  # CSV of `python -m export label`
     out: str  # folder for config.json, log.jsonl and checkpoint.pt
-    network: str = "outdoor"  # or "cvpr2017"
+    network: str = "outdoor"  # or "transformer", "cvpr2017"
     version: str = "1.0.0"
     crops: int = 100_000  # drawn in all
     batch: int = 32
@@ -71,6 +71,7 @@ class TrainConfig:
     warmup: float = 0.03  # share of the run
     ema: float = 0.998  # decay per step of the averaged weights, which are the result
     target_width: float = TARGET_WIDTH["outdoor"]  # deg per axis of the sun target, besides the label's uncertainty
+    first_width: float = 0.0  # deg by which the sun target is wider at first; it falls to 0 at _NARROW of the run
     tune_share: float = 0.08  # of the training places, held out for the log
     aimed: float = 0.2  # of the crops of panoramas that show the sun, aimed at it
     joined: float = 0.0  # of the crops, divided by a line between two places under the same sun
@@ -95,6 +96,7 @@ class TrainConfig:
         object.__setattr__(self, "teachers", tuple(self.teachers))  # JSON has them as a list
 
 
+_NARROW = 0.6  # share of the run from which sun targets are as narrow as they get
 _TUNE_EACH = 8  # crops of each held-out panorama
 ACROSS, DOWN = 8, 6  # crops in the picture of samples, one of each of the first places
 
@@ -187,7 +189,7 @@ class TrainingCrops(Dataset[Batch]):
         visible = {"unknown": None, "visible": not hidden}.get(source.panorama.sun, False)
         return Batch(
             photo=torch.from_numpy(pad_to_input(pixels, self.spec)),
-            sun=torch.from_numpy(self._sun_target(crop)),
+            sun=torch.from_numpy(self._sun_target(crop, index)),
             parameters=torch.from_numpy(_parameters(crop, float(gains.mean()), resolved=resolved)),
             sun_in_view=torch.from_numpy(sun_in_view_target(crop, self.spec, visible)).float(),
             surroundings=torch.from_numpy(self._surroundings_target(views, gains)),
@@ -208,10 +210,12 @@ class TrainingCrops(Dataset[Batch]):
             is_likelihood=torch.tensor(True),
         )
 
-    def _sun_target(self, crop: Crop) -> NDArray[np.float32]:
+    def _sun_target(self, crop: Crop, index: int) -> NDArray[np.float32]:
         if not math.isfinite(crop.sun_elevation):
             return np.zeros(len(grid_directions(self.spec.sun_grid)), np.float32)
-        width = math.hypot(crop.sun_std, self.config.target_width)
+        done = 1.0 if self.tune else min(1.0, index / (_NARROW * self.config.crops))
+        wider = self.config.first_width * 0.5 * (1 + math.cos(math.pi * done))
+        width = math.hypot(crop.sun_std, self.config.target_width + wider)
         return soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid).astype(np.float32)
 
     def _surroundings_target(self, views: Sequence[tuple[Source, Camera, float]], gains: Floats) -> Floats:

@@ -39,6 +39,7 @@ from export.networks.outdoor import (
     mean_of_camera_bins,
     network_specs,
 )
+from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.weights import (
     CHECKPOINT,
     RECORD,
@@ -257,6 +258,19 @@ def _learning_rate(step: int, steps: int, warmup: float) -> float:
     return 0.5 * (1 + math.cos(math.pi * (step - rise) / max(1, steps - rise)))
 
 
+def _new_network(config: TrainConfig, spec: ModelSpec, *, pretrained: bool) -> nn.Module:
+    if config.network == "transformer":
+        return OutdoorTransformer(spec, pretrained=pretrained, has_surroundings=config.surroundings)
+    return build_network(spec, pretrained=pretrained, has_surroundings=config.surroundings)
+
+
+def _rate_groups(network: nn.Module) -> list[dict[str, Any]]:
+    """What learns, each group with its scale of the learning rate."""
+    if isinstance(network, OutdoorTransformer):
+        return network.rate_groups()
+    return [{"params": [p for p in network.parameters() if p.requires_grad], "scale": 1.0}]
+
+
 class _Run:
     """Network, averaged weights, optimizer and position."""
 
@@ -267,7 +281,7 @@ class _Run:
         self.bfloat16 = self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()  # else emulated, slowly
         torch.manual_seed(0)
         pretrained = config.pretrained and not config.start
-        network = build_network(self.spec, pretrained=pretrained, has_surroundings=config.surroundings)
+        network = _new_network(config, self.spec, pretrained=pretrained)
         if config.start:
             load_weights(network, averaged_weights(Path(config.start)))
         if config.only_seen:
@@ -276,8 +290,9 @@ class _Run:
         self.network = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         ema: Any = get_ema_multi_avg_fn  # not annotated by torch
         self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
-        trained = [p for p in self.network.parameters() if p.requires_grad]
-        self.optimizer = torch.optim.AdamW(trained, config.learning_rate, weight_decay=config.weight_decay)
+        self.optimizer = torch.optim.AdamW(
+            _rate_groups(network), config.learning_rate, weight_decay=config.weight_decay
+        )
         folders = [Path(folder) for folder in config.teachers]
         taught = {"surroundings": config.surroundings}
         self.teachers = _TeacherEnsemble(folders, self.spec, self.device, **taught) if folders else None
@@ -335,7 +350,9 @@ class _Run:
         """One step of the optimizer; what it leaves out by chance depends on the step, so runs resume as they were."""
         torch.manual_seed(self.step)
         for group in self.optimizer.param_groups:
-            group["lr"] = self.config.learning_rate * _learning_rate(self.step, self.steps, self.config.warmup)
+            group["lr"] = (
+                group["scale"] * self.config.learning_rate * _learning_rate(self.step, self.steps, self.config.warmup)
+            )
         if self.config.mirrored:
             batch = _with_mirror_images(batch)
         parts = self._choose_losses(self.losses(self.network, batch, self.teachers))

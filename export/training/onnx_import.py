@@ -23,7 +23,7 @@ from export.networks.weights import check_new, write_run
 from export.training.dataset import TrainConfig, TrainingCrops, training_panoramas
 from lighting.records import Json, ModelSpec
 
-_GROUPS = ("networks", "cameras")  # in the order in which a file's networks are numbered
+_GROUPS = ("networks", "suns", "cameras")  # in the order in which a file's networks are numbered
 _CROPS = 768  # that the statistics are taken from
 _BATCH = 32
 

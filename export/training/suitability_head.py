@@ -23,6 +23,7 @@ from export.crops.crops import Source, crop_panorama, crop_rng, load_sources, tr
 from export.crops.photos import crop_photo, load_photos, photo_weights, read_photo_rows
 from export.data.panoramas import DataError, read_index, read_table
 from export.networks.outdoor import Outdoor
+from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.weights import CHECKPOINT, read_checkpoint, read_network, read_spec
 from export.training.dataset import split_places
 from lighting.color import tone_map
@@ -35,6 +36,7 @@ from lighting.records import ModelSpec
 # Pictures that the estimate is not for: those of `unsuitable.csv`, and synthetic ones.
 
 Picture = NDArray[np.uint8]
+_Suited = Outdoor | OutdoorTransformer
 
 TABLE = "unsuitable.csv"
 SYNTHETIC_KINDS = ("on its side", "upside down", "whole panorama", "night", "black", "blown out", "drawing", "plain")
@@ -166,7 +168,7 @@ Names = NDArray[np.str_]
 
 @dataclass(frozen=True)
 class _Head:
-    """Weight (F,) and bias of the logit that a photo suits; F is 1280 for each network."""
+    """Weight (F,) and bias of the logit that a photo suits; F is 1280 for each network, 768 for a transformer."""
 
     weight: Tensor
     bias: float
@@ -210,9 +212,9 @@ def fit_suitability_head(runs: Sequence[Path], data: Path, labels: Path) -> str:
     return "\n".join(filter(None, report))
 
 
-def _read_outdoor(run: Path) -> Outdoor:
+def _read_outdoor(run: Path) -> _Suited:
     network = read_network(run)
-    if not isinstance(network, Outdoor) or network.suitable is None:
+    if not isinstance(network, Outdoor | OutdoorTransformer) or network.suitable is None:
         raise DataError(f"{run} cannot say whether a photo suits: it has not learnt --surroundings.")
     return network
 
@@ -225,7 +227,7 @@ def _photo_crops(data: Path, spec: ModelSpec) -> list[Picture]:
     return [augment(crop_photo(photos[i], rng, spec), rng)[0] for i in drawn]
 
 
-def _describe_photos(head: _Head, networks: Sequence[Outdoor], data: Path, spec: ModelSpec) -> str:
+def _describe_photos(head: _Head, networks: Sequence[_Suited], data: Path, spec: ModelSpec) -> str:
     """What the head predicts of the photos of `photos.csv`, which no run learnt from, and of the same photos turned."""
     table = data / PHOTOS_TABLE
     if not table.exists():
@@ -247,16 +249,16 @@ def _panorama_crops(sources: Sequence[Source], count: int, spec: ModelSpec) -> I
         yield augment(crop_panorama(source, training_camera(rng), spec), rng)[0], source
 
 
-def _features(networks: Sequence[Outdoor], spec: ModelSpec, pictures: Iterable[Picture]) -> Tensor:
-    """Pooled features (N, 1280 a network) of pictures (h, w, 3)."""
+def _features(networks: Sequence[_Suited], spec: ModelSpec, pictures: Iterable[Picture]) -> Tensor:
+    """Pooled features (N, F) of pictures (h, w, 3)."""
     photos = (torch.from_numpy(pad_to_input(np.ascontiguousarray(picture), spec)) for picture in pictures)
     return torch.cat([_pooled(networks, batch) for batch in iter(lambda: list(islice(photos, _BATCH)), [])])
 
 
-def _pooled(networks: Sequence[Outdoor], photos: list[Tensor]) -> Tensor:
+def _pooled(networks: Sequence[_Suited], photos: list[Tensor]) -> Tensor:
     batch = torch.stack(photos).to(memory_format=torch.channels_last)
     with torch.inference_mode():
-        return torch.cat([network.backbone(batch)[2] for network in networks], dim=1).clone()
+        return torch.cat([network.pooled(batch) for network in networks], dim=1).clone()
 
 
 def _fit(good: Tensor, bad: Tensor, calibrating: Tensor) -> _Head:

@@ -457,8 +457,9 @@ def _is_pipe_or_device(path: Path) -> bool:
 def _matches(pattern: str, source: Path) -> Iterator[str]:
     """Names of the files that a glob matches, each once; hidden ones only where the glob names a dot.
 
-    No link to a folder is followed by `**`, for it may lead back to where it stands. Raises BatchError for a name that
-    holds `**` beside other letters.
+    A part that exists as it is written is no pattern, so that "[2024] trip" is that folder, never "2 trip". No link to
+    a folder is followed by `**`, for it may lead back to where it stands. Raises BatchError for a name that holds `**`
+    beside other letters.
     """
     parts = Path(pattern).parts[len(source.parts) :]
     if any("**" in part and part != "**" for part in parts):
@@ -466,11 +467,33 @@ def _matches(pattern: str, source: Path) -> Iterator[str]:
     if parts[-1:] == ("**",):
         parts = (*parts, "*")
     hidden = any(part.startswith(".") for part in parts)
-    names = {path.relative_to(source) for path in source.glob(str(Path(*parts))) if path.is_file()}
+    found = {source}
+    for part in parts:
+        found = _match_part(found, part)
+    names = {path.relative_to(source) for path in found if path.is_file()}
     yield from (name.as_posix() for name in names if hidden or not any(part.startswith(".") for part in name.parts))
 
 
+def _match_part(folders: set[Path], part: str) -> set[Path]:
+    """What a part of a glob matches in folders; if any of them holds it as it is written, that alone."""
+    if part == "**":
+        return {Path(parent) for folder in folders for parent, _, _ in os.walk(folder)}
+    written = {folder / part for folder in folders if _exists(folder / part)}
+    return written or {path for folder in folders if folder.is_dir() for path in folder.glob(part)}
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # a name that the system does not take, such as one that is too long
+        return False
+
+
 def _fixed_part(pattern: str) -> str:
-    parts = Path(pattern).parts[:-1]
-    plain = next((index for index, part in enumerate(parts) if glob.has_magic(part)), len(parts))
-    return str(Path(*parts[:plain]))
+    """The folder before a glob's first part that is a pattern."""
+    folder = Path()
+    for part in Path(pattern).parts[:-1]:
+        if glob.has_magic(part) and not _exists(folder / part):
+            break
+        folder /= part
+    return str(folder)

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from lighting.photo.reader import Photo, PhotoCrop
     from lighting.records import Lighting
 
-_PHOTO_HEADS = (b"\xff\xd8\xff", b"\x89PNG", b"II*\0", b"MM\0*")  # of JPEG, PNG and TIFF
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
 CLIP_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp")
 MAP_FILE_SUFFIXES = (".exr", ".hdr")  # of maps, and never of photos; systems have no program for them
@@ -429,14 +428,14 @@ def parse_lighting(data: bytes, name: str) -> "Lighting":
 def _describe_other_file(data: bytes, name: str) -> str | None:
     """What a file is that stands in a record's place, and what to do with it; None where it may be a record."""
     from lighting.files.exr import EXR_MAGIC
-    from lighting.photo.formats import kind_name
+    from lighting.photo.formats import HEAD_BYTES, begins_as_photo, kind_name
 
     shown, typed = escape_path(name), escape_control_chars(shlex.quote(name))
     if data.startswith(EXR_MAGIC):
         return f"{shown} is an EXR, not a record (.json). Its record: `lighting info {typed}`."
-    if data.startswith(_PHOTO_HEADS):
-        return f"{shown} is a photo, not a record (.json). Its map: `lighting envmap {typed}`."
     kind = kind_name(data)
+    if kind is None and begins_as_photo(data[:HEAD_BYTES]):
+        return f"{shown} is a photo, not a record (.json). Its map: `lighting envmap {typed}`."
     zeros = data.count(0) == len(data)  # whose kind says nothing of the file
     return None if kind in (None, "a JSON file", "a text") or zeros else f"{shown} is {kind}, not a record (.json)."
 

@@ -1,14 +1,17 @@
 """The commands that describe a file, and that say what of an installation works."""
 
+import hashlib
 import json
 import platform
 import shutil
 import subprocess
 import sys
+from base64 import urlsafe_b64encode
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from importlib.metadata import PackageNotFoundError, PackagePath, distribution, packages_distributions, version
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
@@ -17,6 +20,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lighting import __version__
+from lighting.checksum import verify_checksums
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import (
@@ -29,6 +33,7 @@ from lighting.cli.console import (
     read_picture_bytes,
 )
 from lighting.cli.options import FileName
+from lighting.confinement import describe_confinement
 from lighting.errors import ErrorCode, LightingError, PhotoError, install_command
 from lighting.files import escape_undecodable
 from lighting.start import silence_libraries
@@ -157,14 +162,17 @@ def _describe_image(image: "NDArray[np.float32]") -> "Json":
 _BY_SUFFIX = {".onnx": _describe_network, ".json": _describe_record, ".jsonl": _describe_record}
 
 
-_EXTRAS = (  # what is optional: the module, what it is for, and the extra that installs it
-    ("cv2", "OpenCV", "overlapping photos and clips", "all"),
-    ("av", "PyAV", "clips", "all"),
-    ("rawpy", "rawpy", "RAW photos", "all"),
-    ("scipy", "SciPy", "measured skies and photometric stereo", "all"),
-    ("pyarrow", "PyArrow", "Parquet", "all"),
-    ("ray", "Ray", "batches on several machines", "ray"),
-    ("torch", "PyTorch", "training", "train"),
+_PACKAGE = "outdoor-lighting"
+_LIBRARIES = ("numpy", "onnxruntime", "Pillow", "pi-heif", "OpenEXR", "tzdata", "tzfpy")  # whose versions reports need
+_EXTRAS = (  # what is optional: the module, what it is for, and how it is installed
+    ("cv2", "OpenCV", "overlapping photos and clips", install_command("all")),
+    ("av", "PyAV", "clips", install_command("all")),
+    ("rawpy", "rawpy", "RAW photos", install_command("all")),
+    ("scipy", "SciPy", "measured skies and photometric stereo", install_command("all")),
+    ("pyarrow", "PyArrow", "Parquet", install_command("all")),
+    ("ray", "Ray", "batches on several machines", install_command("ray")),
+    ("torch", "PyTorch", "training", install_command("train")),
+    ("bpy", "bpy", ".blend files", "pip install bpy"),
 )
 _BLENDERS = (  # where Blender lies that is in no search path
     "/Applications/Blender.app/Contents/MacOS/Blender",
@@ -193,19 +201,19 @@ class _Finding:
     """,
 )
 @common.json_option
-@click.option("-q", "--quiet", is_flag=True, help="Only what is missing and needed.")
+@click.option("-q", "--quiet", is_flag=True, help="Only what is broken and needed.")
 @click.pass_context
 def _doctor(ctx: click.Context, /, as_json: bool, quiet: bool) -> None:
-    """Say what works here: network, page, extras, Blender.
+    """Say what works here: data, network, page, extras, Blender.
 
-    The exit status is 1 where something is missing that every photo needs.
+    The exit status is 1 where something is missing or damaged that every photo needs.
     """
     findings = list(_findings())
     if as_json:
         click.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
     for finding in () if as_json else findings:
         if not quiet or (finding.needed and not finding.found):
-            mark = "ok" if finding.found else "MISSING" if finding.needed else "-"
+            mark = "ok" if finding.found else "BROKEN" if finding.needed else "-"
             click.echo(f"{mark:7}  {finding.name}: {escape_control_chars(finding.text)}")
     ctx.exit(1 if any(finding.needed and not finding.found for finding in findings) else 0)
 
@@ -213,13 +221,52 @@ def _doctor(ctx: click.Context, /, as_json: bool, quiet: bool) -> None:
 def _findings() -> Iterator[_Finding]:
     system = f"{platform.system()} {platform.machine()}, {Path(sys.prefix)}"
     yield _Finding("lighting", True, f"{__version__}, Python {platform.python_version()}, {system}", needed=True)
+    yield _Finding("libraries", True, ", ".join(f"{name} {_version(name)}" for name in _LIBRARIES))
+    yield _check("data", lambda: f"{verify_checksums()} networks and tables are intact")
+    yield from _find_changed_files()
     yield _check("network", _check_network)
     yield _check("answer", _estimate_gray)
+    yield _Finding("sandbox", True, f"{describe_confinement()}; see SECURITY.md")
     yield from _find_pages()
-    for module, name, use, extra in _EXTRAS:
+    modules = packages_distributions()
+    for module, name, use, command in _EXTRAS:
         found = find_spec(module) is not None
-        yield _Finding(name, found, f"for {use}" if found else f"for {use}: {install_command(extra)}")
+        release = _version(modules[module][0]) if found and module in modules else ""
+        yield _Finding(name, found, f"{release} for {use}".lstrip() if found else f"for {use}: {command}")
     yield _find_blender()
+
+
+def _version(distribution: str) -> str:
+    """Of an installed package."""
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "is missing"
+
+
+def _find_changed_files() -> Iterator[_Finding]:
+    """Whether the package's files are those that were installed, where pip or its like listed them; not of a clone."""
+    try:
+        listed = [file for file in distribution(_PACKAGE).files or () if file.hash and file.suffix != ".pyc"]
+    except PackageNotFoundError:
+        return
+    package = Path(__file__).parents[1]
+    if not any(Path(str(file.locate())) == package / "__init__.py" for file in listed):
+        return
+    changed = [file for file in listed if not _is_as_installed(file)]
+    if changed:
+        names = ", ".join(map(str, changed[:3])) + (f" and {len(changed) - 3} more" if len(changed) > 3 else "")
+        yield _Finding("files", False, f"{names} changed since the installation; install it again", needed=True)
+    else:
+        yield _Finding("files", True, f"{len(listed)} are as they were installed")
+
+
+def _is_as_installed(file: PackagePath) -> bool:
+    try:
+        digest = hashlib.new(file.hash.mode, file.read_binary()).digest() if file.hash else b""
+    except OSError:
+        return False
+    return file.hash is not None and urlsafe_b64encode(digest).rstrip(b"=").decode() == file.hash.value
 
 
 def _check(name: str, describe: Callable[[], str]) -> _Finding:

@@ -515,6 +515,14 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         metavar="METERS",
         help="How high the camera is above the ground.  [default: 1.6]",
     ),
+    "shadows": click.option(
+        "--shadow",
+        "shadows",
+        metavar="X,Y,X,Y[,X,Y]",
+        multiple=True,
+        help="A shadow, in pixels: from the foot of what casts it to its tip, then the thing's top. Repeatable. "
+        "Also own:X,Y, head:X,Y, line:X,Y,X,Y and lit:X,Y,X,Y.",
+    ),
     "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
 }
 together_option = click.option("--together", is_flag=True, help="Combine photos of one place, taken in the same light.")
@@ -536,6 +544,8 @@ def _options(*names: str) -> Decorator:
             check_coordinates(values["latitude"], values["longitude"])
             with usage_errors():
                 user_input = UserInput(**values)
+            if user_input.shadows and len(options.get("photos", ())) > 1:
+                raise click.UsageError("--shadow is of one photo; give that photo alone.")
             command(*args, user_input=user_input, **options)
 
         return _add_options(with_user_input, *(_OPTIONS[name] for name in names))
@@ -545,7 +555,7 @@ def _options(*names: str) -> Decorator:
 
 # What the user states of a photo; a command receives it as `user_input`. Contradictions are wrong usage.
 user_input_options = _options(*_OPTIONS)
-batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading")))
+batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading", "shadows")))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

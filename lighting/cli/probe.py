@@ -287,7 +287,7 @@ def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -
 def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool, quiet: bool) -> None:
     """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE, a lat-long map.
 
-    PROBE is an EXR file, or a panorama of 8 or 16 bits, which tells them roughly.
+    PROBE is an EXR or HDR file, or a panorama of 8 or 16 bits, which tells them roughly.
     """
     from lighting.fields import format_side
 
@@ -318,7 +318,7 @@ def _read_map(sky: str, quiet: bool) -> "NDArray[np.float32]":
     """The map (H, 2H, 3) in a file, of 8 or 16 bits with a warning."""
     from lighting.files.exr import check_envmap, is_exr, read_envmap
 
-    if sky.lower().endswith(".exr") or is_exr(Path(sky)):
+    if sky.lower().endswith((".exr", ".hdr")) or is_exr(Path(sky)):
         return read_envmap(sky)
     from lighting.photo.linear import read_linear
 

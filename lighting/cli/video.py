@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from lighting.video.shot import Shot
 
 
+def _curves() -> tuple[str, ...]:
+    from lighting.color import DECODE_CURVES
+
+    return tuple(DECODE_CURVES)
+
+
 @cli.command(
     "video",
     epilog="""
@@ -42,6 +48,11 @@ if TYPE_CHECKING:
     show_default=True,
     metavar="SECONDS",
     help="The network sees a frame this often; all are followed and get a record.",
+)
+@click.option(
+    "--curve",
+    type=RegistryChoice(_curves),
+    help="How the clip is coded, such as d-log or s-log3.  [default: as its files say]",
 )
 @click.option("--for", "tool", type=RegistryChoice(animated_tools), help="Also a scene, its camera with key frames.")
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
@@ -83,9 +94,9 @@ def _video(
     console.check_there(clip)
     if clip.lower().endswith(PHOTO_SUFFIXES):
         raise click.UsageError(f"{escape_path(clip)} is a photo: try `lighting envmap {shlex.quote(clip)}`.")
-    every, overwrite = options.pop("every"), options.pop("overwrite")
+    every, curve, overwrite = options.pop("every"), options.pop("curve"), options.pop("overwrite")
     folder = Path(console.choose_folder(clip, output, "-lighting"))
-    job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options))
+    job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options), curve)
     if objection := output_folder_error(job.folder, overwrite=overwrite):
         raise VideoError(objection)
     console.check_apart([clip], [str(job.folder / results.FILM_FILE)] if job.options.film else [])

@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from PIL import Image as Pictures
 from PIL import ImageEnhance, WebPImagePlugin
 
+from lighting.checksum import DATA_FOLDER, verify_checksum
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.appearance import PhotoSamples, shows_snow
 from lighting.envmap.latlong import Image, blur_cells, column_blocks, multiply_cells, shrink_envmap
 from lighting.envmap.projection import sample_cells
-from lighting.errors import ModelError
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.records import Lighting
 from lighting.segmentation import Segments, SurfaceClass
 
-LIBRARY_PATH = Path(__file__).parent.parent / "data" / "detail.npy"
+LIBRARY_PATH = DATA_FOLDER / "detail.npy"
 PICTURE_ROWS = 512  # of the library's panoramas
 FEATURE_ROWS = 24  # rows of cells by which they are chosen
 FEATURE_CLASSES = (SurfaceClass.PLANTS, SurfaceClass.BUILDING, SurfaceClass.WATER)
@@ -134,15 +134,10 @@ class PhotoFeatures:
 @lru_cache(maxsize=1)
 def load_detail_library() -> _DetailLibrary:
     """The library in this package; ModelError where its file is damaged."""
-    try:
-        with LIBRARY_PATH.open("rb") as file:
-            table, begin = np.load(file), file.tell()
-        ends = begin + np.cumsum(table["size"])
-        is_whole = LIBRARY_PATH.stat().st_size >= ends[-1]
-    except (ValueError, EOFError, SyntaxError, IndexError):  # what NumPy raises of such files
-        is_whole = False
-    if not is_whole:
-        raise ModelError(f"{LIBRARY_PATH} is damaged; install this package again.")
+    verify_checksum(LIBRARY_PATH)
+    with LIBRARY_PATH.open("rb") as file:
+        table, begin = np.load(file), file.tell()
+    ends = begin + np.cumsum(table["size"])
     low, high = FEATURE_RANGE
     return _DetailLibrary(
         names=tuple(table["name"].tolist()),

@@ -10,7 +10,7 @@ import numpy as np
 
 from lighting.color import luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
-from lighting.envmap.render import clear_irradiance, disc_power, sky_irradiance, with_irradiance
+from lighting.envmap.render import clear_irradiance, sky_irradiance, sun_light, with_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES, clip_color, round_significant
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
@@ -169,7 +169,8 @@ def _to_unit(vector: Floats) -> Color:
 def _model_sun_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) by the model, or what stands for it where the model's would vanish."""
     elevations = (max(lighting.sun_elevation, _MIN_ELEVATION), _HIGH_ELEVATION)
-    power, high_power = (disc_power(replace(lighting, sun_elevation=elevation))[0] for elevation in elevations)
+    model = replace(lighting, sun_irradiance=None, sky_irradiance=None, sky_cover=None)
+    power, high_power = (sun_light(replace(model, sun_elevation=elevation))[0] for elevation in elevations)
     return np.asarray(np.maximum(power, _MIN_CHANNEL_SHARE * high_power))
 
 

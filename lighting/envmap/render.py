@@ -94,7 +94,7 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     else:
         _render_mixed_sky(upper, lighting, sky, level)
     if painted:
-        level = level + (disc_power(lighting)[1] if by_model else _level_sun_irradiance(lighting))
+        level = level + sun_light(lighting)[1]
     lower[0] = ground_reflectance(lighting) / math.pi * level
     lower[1:] = lower[0]  # copying whole rows is fastest
     cap_map(image, lighting)
@@ -110,7 +110,7 @@ def add_sun(image: Image, lighting: Lighting) -> None:
         image: (H, 2H, 3), changed in place.
         lighting: of the map.
     """
-    power, glow = sun_irradiance(lighting), SKY_MODELS[lighting.map_sky].sun_glow
+    power, glow = sun_light(lighting)[0], SKY_MODELS[lighting.map_sky].sun_glow
     if lighting.sun_elevation < 0:
         return
     if glow is None:
@@ -152,11 +152,7 @@ def level_irradiance(lighting: Lighting) -> Floats:
     Args:
         lighting: whose sun counts, painted or not.
     """
-    return sky_irradiance(lighting) + _level_sun_irradiance(lighting)
-
-
-def _level_sun_irradiance(lighting: Lighting) -> Floats:
-    return sun_irradiance(lighting) * max(float(np.sin(np.radians(lighting.sun_elevation))), 0.0)
+    return sky_irradiance(lighting) + sun_light(lighting)[1]
 
 
 def ground_reflectance(lighting: Lighting) -> Floats:
@@ -178,7 +174,7 @@ def with_irradiance(lighting: Lighting) -> Lighting:
     """
     if lighting.sky_irradiance is not None:
         return lighting
-    sun = sun_irradiance(lighting) if lighting.sun_painted else np.zeros(3)
+    sun = sun_light(lighting)[0] if lighting.sun_painted else np.zeros(3)
     sky = sky_irradiance(lighting)
     red, green, blue = ground_reflectance(lighting).tolist()
     return replace(
@@ -250,7 +246,7 @@ def _render_sky_shape(upper: Image, lighting: Lighting, sky: str) -> None:
 def _weather(lighting: Lighting) -> Weather:
     """What shapes the sky. The strength of sun and sky is as stated, else as Hosek and Wilkie's models have it."""
     clear = clear_irradiance(lighting) / lighting.exposure
-    sun = sun_irradiance(lighting)
+    sun = sun_light(lighting)[0]
     sky = clear * lighting.exposure if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
     beam = float(luminance(sun)) / max(float(luminance(sky)), EPSILON_IRRADIANCE)
     diffuse = float(luminance(clear)) * LUX / _EFFICACY
@@ -466,30 +462,22 @@ def _pixel_directions(pixels: NDArray[np.intp], height: int) -> Floats:
     return direction((column + 0.5) * (180.0 / height) - 180.0, 90.0 - (row + 0.5) * (180.0 / height))
 
 
-def disc_power(lighting: Lighting) -> tuple[Floats, Floats]:
-    """Radiance x solid angle (3,) of the part of the disc above the horizon, and the irradiance (3,) of the ground.
+def sun_light(lighting: Lighting) -> tuple[Floats, Floats]:
+    """Irradiance (3,) by the sun of a surface that faces it, and of level ground: as stated, else by the model's disc.
 
-    Both are 0 of a sun below the horizon.
-
-    Args:
-        lighting: whose exposure, turbidity and sun the model takes.
-    """
-    if lighting.sun_elevation < 0:
-        return np.zeros(3), np.zeros(3)
-    points, weight = sun_disc_points(lighting.sun_direction)
-    radiance = sun_disc_radiance(points, lighting.sun_direction, lighting.turbidity) * lighting.exposure
-    return np.asarray(weight @ radiance), np.asarray((weight * points[:, 1]) @ radiance)
-
-
-def sun_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) on a surface that faces the sun: as stated, else the disc's power; 0 from below the horizon.
+    Of a disc that sets, what is above the horizon counts. Both are 0 of a sun below it.
 
     Args:
         lighting: of the sun, painted or not.
     """
     if lighting.sun_elevation < 0:
-        return np.zeros(3)
-    return disc_power(lighting)[0] if lighting.sun_irradiance is None else np.array(lighting.sun_irradiance)
+        return np.zeros(3), np.zeros(3)
+    if lighting.sun_irradiance is not None:
+        facing = np.array(lighting.sun_irradiance)
+        return facing, facing * max(float(np.sin(np.radians(lighting.sun_elevation))), 0.0)
+    points, weight = sun_disc_points(lighting.sun_direction)
+    radiance = sun_disc_radiance(points, lighting.sun_direction, lighting.turbidity) * lighting.exposure
+    return np.asarray(weight @ radiance), np.asarray((weight * points[:, 1]) @ radiance)
 
 
 def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:

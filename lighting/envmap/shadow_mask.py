@@ -12,7 +12,7 @@ from PIL import Image
 from lighting.color import SRGB_LINEAR, check_pixels, luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.render import sky_irradiance, sun_irradiance
+from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.geometry import Floats, Pinhole, box_means, camera_directions, camera_pixel, clip_slice, shrink_size
 from lighting.records import Lighting, check_lighting
 from lighting.segmentation import THINGS, Segments, pixel_share
@@ -191,7 +191,7 @@ def _white_level(lighting: Lighting) -> float:
 
 def _level_luminances(lighting: Lighting) -> tuple[float, float]:
     """Luminance of level ground's irradiance by sky and by sun."""
-    direct = float(luminance(sun_irradiance(lighting))) * max(float(lighting.sun_direction[1]), 0.0)
+    direct = float(luminance(sun_light(lighting)[0])) * max(float(lighting.sun_direction[1]), 0.0)
     return float(luminance(sky_irradiance(lighting))), direct
 
 

@@ -284,8 +284,9 @@ def atomic_write(target: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = _create_beside(final, Path(target).suffix)
     try:
         yield temporary
-        if final.is_file():
-            temporary.chmod(stat.S_IMODE(final.stat().st_mode))
+        modes = [stat.S_IMODE(path.stat().st_mode) for path in (temporary, final) if path.is_file()]
+        if len(set(modes)) > 1:
+            temporary.chmod(modes[1])
         temporary.replace(final)
     except OSError as error:
         if error.errno is not None and error.filename in (None, str(temporary), temporary):

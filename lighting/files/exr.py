@@ -42,6 +42,7 @@ _Attributes = dict[str, Any]  # of a header, of the types that OpenEXR knows
 
 SOFTWARE = f"outdoor-lighting {__version__}"
 EXR_MAGIC = b"v/1\x01"
+_WHOLE_PICTURES = ("combined", "beauty", "rgba", "rgb")  # names of layers that hold a whole picture, in small letters
 
 COMPRESSIONS = {"zip": "ZIP_COMPRESSION", "pxr24": "PXR24_COMPRESSION", "none": "NO_COMPRESSION"}  # OpenEXR's names
 _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
@@ -326,7 +327,9 @@ def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
     """Read an EXR file: its pixels (H, W, 3) in linear Rec.709, and the lighting in its header or None.
 
     Args:
-        source: path or binary stream of a file with R, G and B, half or float.
+        source: path or binary stream of a file with R, G and B, half or float. They may lie in a layer, such as
+            `ViewLayer.Combined` of Blender: the only one that has them, or the one of these with the name of a whole
+            picture.
 
     Raises:
         EnvironmentMapError: it is no such file, is cut short, or has over 64 million pixels or a gigabyte of channels.
@@ -335,14 +338,31 @@ def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
     if not _is_whole(data):
         raise EnvironmentMapError("The EXR file is cut short or damaged.")
     _check_exr_size(data)
-    header, channels = _decode(data)
-    missing = [name for name in "RGB" if name not in channels]
-    if missing:
-        raise EnvironmentMapError(f"The EXR file has no channel {', '.join(missing)}; it needs R, G and B.")
-    planes = [channels[name].pixels for name in "RGB"]
+    header, planes = _colors(_decode(data))
     if len({plane.shape for plane in planes}) > 1:
         raise EnvironmentMapError("The EXR file's channels R, G and B differ in size.")
     return _in_rec709(np.stack(planes, axis=-1, dtype=np.float32), header), _lighting_in(header)
+
+
+def _colors(parts: list[tuple[_Attributes, _Attributes]]) -> tuple[_Attributes, list[NDArray[Any]]]:
+    """The header of the part that counts, and its R, G and B."""
+    layers: dict[str, tuple[_Attributes, dict[str, NDArray[Any]]]] = {}
+    for header, channels in parts:
+        for name, channel in channels.items():
+            layer, _, last = name.rpartition(".")
+            label = ".".join(filter(None, (str(header.get("name", "")) if len(parts) > 1 else "", layer)))
+            layers.setdefault(label, (header, {}))[1][last.upper()] = channel.pixels
+    colored = {label: layer for label, layer in layers.items() if set("RGB") <= layer[1].keys()}
+    if not colored:
+        missing = [name for name in "RGB" if name not in parts[0][1]]
+        raise EnvironmentMapError(f"The EXR file has no channel {', '.join(missing)}; it needs R, G and B.")
+    whole = [label for label in colored if label.rpartition(".")[2].lower() in _WHOLE_PICTURES]
+    chosen = whole if len(whole) == 1 else list(colored)
+    if "" not in colored and len(chosen) > 1:
+        names = ", ".join(colored)
+        raise EnvironmentMapError(f"The EXR file has several layers with R, G and B ({names}); keep one of them.")
+    header, planes = colored["" if "" in colored else chosen[0]]
+    return header, [planes[name] for name in "RGB"]
 
 
 def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
@@ -355,14 +375,17 @@ def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
 
 
 def read_envmap(file: str | os.PathLike[str]) -> Image:
-    """The map (H, 2H, 3) in an EXR file; EnvironmentMapError, which names the file, for what is no finite map.
+    """The map (H, 2H, 3) in an EXR or HDR file; EnvironmentMapError, which names it, for what is no finite map.
 
     Args:
         file: path of the map.
     """
+    from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
+
     data = _read(file)
     try:
-        image = check_envmap(read_exr(io.BytesIO(data))[0])
+        is_hdr = data.startswith(HDR_MAGIC) or os.fspath(file).lower().endswith(".hdr")
+        image = check_envmap(decode_hdr(data) if is_hdr else read_exr(io.BytesIO(data))[0])
         if not np.isfinite(image).all():
             raise EnvironmentMapError("The map holds values that are not finite numbers.")
     except EnvironmentMapError as error:
@@ -538,11 +561,11 @@ def _check_exr_size(data: bytes) -> None:
         raise EnvironmentMapError(f"The EXR file's {sum(counts)} channels take more than a gigabyte, the limit.")
 
 
-def _decode(data: bytes) -> tuple[_Attributes, _Attributes]:
-    """The header, and the channels by their names."""
+def _decode(data: bytes) -> list[tuple[_Attributes, _Attributes]]:
+    """The header of each part, and its channels by their names."""
     try:
         file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
-        return file.header(), file.channels()
+        return [(part.header, part.channels) for part in file.parts]
     except (RuntimeError, ValueError, TypeError) as error:
         raise EnvironmentMapError(_UNREADABLE) from error
 

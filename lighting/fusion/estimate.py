@@ -30,6 +30,7 @@ from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.fields import clip_to_range, round_significant
 from lighting.fusion.instants import Instant, resolve_hemisphere
 from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_single
+from lighting.fusion.shadows import move_mark
 from lighting.fusion.single_view import Observations, Posterior, fuse_single_view, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import angles
@@ -157,7 +158,7 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
     """
     headings: Any = _heading_fields(posterior)
     instant = _chosen_instant(posterior, prior)
-    conflict = prior.instants.conflict_warnings(instant)
+    conflict = prior.instants.conflict_warnings(instant, posterior.candidate_probability)
     lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
     suitable, warnings = lighting.suitable, (*prior.warnings, *conflict, *posterior.warnings)
     if suitable is not None:
@@ -300,10 +301,20 @@ def estimate_light(photo: Photo, predicted: PhotoPrediction, user_input: UserInp
     """
     prior = observations_single(predicted.metadata, user_input)
     observed = replace(prior, warnings=(*photo.warnings, *predicted.warnings, *prior.warnings))
-    posterior = fuse_single_view(predicted.prediction, observed.observations, photo.pixels)
+    observations = _with_shadows(observed.observations, photo, user_input)
+    posterior = fuse_single_view(predicted.prediction, observations, photo.pixels)
     estimate = build_estimate(posterior, observed)
     estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial)
     return apply_photo_colors([photo], [estimate])[0]
+
+
+def _with_shadows(observations: Observations, photo: Photo, user_input: UserInput) -> Observations:
+    """The same with the user's marks, in pixels of the photo without its border."""
+    if not user_input.shadows:
+        return observations
+    left, top = (0, 0) if photo.crop is None else (photo.crop.left, photo.crop.top)
+    shadows = tuple(move_mark(mark, -left, -top) for mark in user_input.shadows)
+    return replace(observations, shadows=shadows, picture_size=(photo.width, photo.height))
 
 
 def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLight]) -> list[EstimatedLight]:

@@ -1,7 +1,8 @@
-"""The one place where a photo's clocks become instants in UTC.
+"""The one place where the clocks of photos and clips become instants in UTC.
 
 The offset from UTC is, in this order, the user's, the file's, that of clock against GPS, that of other photos, and
 that of the zone of the place. Where clock and GPS contradict each other, both are kept with weights; the pixels choose.
+So they do where a clip's file says UTC and its camera may have written local time there.
 
 The zone tells the hemisphere of a place whose file states none, for photos are taken on land. A place without north or
 south, east or west is up to four places. Three of Munich's four lie in the sea, and of those on land few keep the zone
@@ -38,6 +39,7 @@ _LAST_YEAR_WITHOUT_GPS = 1990  # of clocks that are wrong beside a GPS time
 # Weights of GPS against a contradicting clock. What goes wrong with either mostly makes it too early: a fix that is
 # old, weeks that count from 0 again, a clock that was reset.
 _SURE, _AGREED, _LIKELY, _EVEN, _UNLIKELY = 0.99, 0.95, 0.9, 0.5, 0.25
+_PLAIN = 0.8  # probability with the pixels, from which UTC that may be local time needs no warning
 
 ZONE_OF_PLACE = "zone of the place"  # where an offset from UTC comes from, as the record says it
 
@@ -253,22 +255,27 @@ class Instant:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _ClockConflict:
-    """Clock and GPS that contradict each other."""
+    """Clock and GPS that contradict each other, or UTC that may be local time."""
 
     sentence: str
     """How, without a full stop."""
     agreed: str | None = None
     """Of instants, the `clock` by which the two do not contradict each other."""
+    sure: float = 0.0
+    """Probability of that instant, 0 to 1, from which there is nothing to be said."""
+    readings: tuple[str, str] = ("the camera's clock", "the camera's clock")
+    """What the sentence calls the clock of the file, and that of the place's zone."""
 
-    def warn(self, used: Instant) -> CodedWarning | None:
+    def warn(self, used: Instant, probability: float) -> CodedWarning | None:
         """Return the warning that says what was used; None where clock and GPS agree on it.
 
         Args:
             used: the instant that was chosen.
+            probability: 0 to 1, of that instant with the pixels.
         """
-        if used.clock == self.agreed:
+        if used.clock == self.agreed and probability >= self.sure:
             return None
-        chosen = "the GPS time" if used.clock == GPS else "the camera's clock"
+        chosen = "the GPS time" if used.clock == GPS else self.readings[used.clock != "file"]
         return CodedWarning(f"{self.sentence}: {chosen} was used.", WarningCode.CLOCK_CONTRADICTED)
 
 
@@ -288,13 +295,14 @@ class PhotoInstants:
         """The instant that counts without pixels; None where there is none."""
         return max(self.instants, key=lambda instant: instant.weight, default=None)
 
-    def conflict_warnings(self, used: Instant | None) -> tuple[str, ...]:
-        """Return the warning of clock and GPS that contradict each other, if they do.
+    def conflict_warnings(self, used: Instant | None, probability: float = 0.0) -> tuple[str, ...]:
+        """Return the warning of clocks that contradict each other, if they do.
 
         Args:
             used: the instant that was chosen.
+            probability: 0 to 1, of that instant with the pixels.
         """
-        warning = None if self.conflict is None or used is None else self.conflict.warn(used)
+        warning = None if self.conflict is None or used is None else self.conflict.warn(used, probability)
         return () if warning is None else (warning,)
 
 
@@ -316,7 +324,7 @@ def resolve_instants(
     if metadata.local_time is not None and metadata.gps_time is None and _is_reset(metadata.local_time):
         return _without_time(f"The camera's clock, {_format(metadata.local_time)}, was reset")
     if metadata.gps_time is None:
-        return PhotoInstants(clock)
+        return PhotoInstants(clock, _utc_doubt(metadata, clock))
     if metadata.local_time is None:
         return _instants_of_gps(metadata, metadata.gps_time)
     return _reconcile(metadata, clock, metadata.gps_time, metadata.local_time)
@@ -335,10 +343,11 @@ def _instants_of_stated_offset(metadata: PhotoMetadata, utc_offset: float) -> Ph
     assert metadata.local_time is not None
     instant = Instant(to_utc(metadata.local_time, utc_offset), utc_offset, USER)
     in_file = offset_in_file(metadata)
-    if in_file is None or abs(in_file[0] - utc_offset) * timedelta(hours=1) <= MAX_CLOCK_DIFFERENCE:
+    is_doubted = metadata.utc_probability is not None
+    if in_file is None or is_doubted or abs(in_file[0] - utc_offset) * timedelta(hours=1) <= MAX_CLOCK_DIFFERENCE:
         return PhotoInstants((instant,))
     stated, replaced = format_utc_offset(utc_offset), format_utc_offset(in_file[0])
-    sentence = f"Your offset from UTC, {stated}, replaced that of the photo, {replaced} ({in_file[1]})."
+    sentence = f"Your offset from UTC, {stated}, replaced the file's, {replaced} ({in_file[1]})."
     return PhotoInstants((instant,), warnings=(CodedWarning(sentence, WarningCode.OFFSET_REPLACED),))
 
 
@@ -348,7 +357,8 @@ def _instants_of_clock(metadata: PhotoMetadata, shared_offset: float | None) -> 
         return ()
     if (in_file := offset_in_file(metadata)) is not None:
         hours, source = in_file
-        return (Instant(to_utc(metadata.local_time, hours), hours, source, clock="file"),)
+        stated = Instant(to_utc(metadata.local_time, hours), hours, source, clock="file")
+        return (stated,) if metadata.utc_probability is None else _utc_or_local(metadata, stated)
     if shared_offset is not None:
         return (Instant(to_utc(metadata.local_time, shared_offset), shared_offset, OTHER_PHOTOS, clock="file"),)
     return _instants_in_zones(metadata)
@@ -363,6 +373,22 @@ def _instants_in_zones(metadata: PhotoMetadata) -> tuple[Instant, ...]:
         Instant(to_utc(metadata.local_time, zone.hours), zone.hours, ZONE_OF_PLACE, zone.weight, zone.name)
         for zone in zones
     )
+
+
+def _utc_or_local(metadata: PhotoMetadata, stated: Instant) -> tuple[Instant, ...]:
+    """The instant that a file states in UTC, and those of the same clock if it shows the place's time."""
+    local = [instant for instant in _instants_in_zones(metadata) if instant.utc_time != stated.utc_time]
+    share = 1.0 if metadata.utc_probability is None or not local else metadata.utc_probability
+    shared = (replace(instant, weight=instant.weight * (1.0 - share)) for instant in local)
+    return (replace(stated, weight=share), *shared)
+
+
+def _utc_doubt(metadata: PhotoMetadata, clock: tuple[Instant, ...]) -> _ClockConflict | None:
+    """That UTC may be local time; None where nothing doubts it, or the two are one."""
+    if metadata.utc_probability is None or metadata.local_time is None or len(clock) < 2:
+        return None
+    sentence = f"The file's time, {_format(metadata.local_time)} UTC, may be local time, as many cameras write it"
+    return _ClockConflict(sentence, "file", _PLAIN, ("UTC", "local time"))
 
 
 def _instants_of_gps(metadata: PhotoMetadata, gps_time: datetime) -> PhotoInstants:

@@ -28,7 +28,8 @@ from lighting.calibration import MAX_LENS_RATIO, lens_ratio
 from lighting.color import luminance
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import RANGES, format_tilt
+from lighting.fields import RANGES, format_azimuth, format_tilt
+from lighting.fusion.shadows import ShadowMark, fuse_shadows, implied_azimuth
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode
 from lighting.sun_grid import (
@@ -65,6 +66,8 @@ _GLARE_ANGLE = 3.0  # deg from its pixel within which a visible sun makes the pi
 _WHITE_LEVEL = 245  # of 255, coded luminance
 _MIN_WHITE_SHARE = 0.03  # of the pixels within the glare; 97 % of the crops that show the sun have more
 _MAX_SUN_DIFFERENCE = (15.0, 12.0)  # deg of azimuth and elevation up to which ephemeris and picture show one sun
+
+_MAX_SHADOW_DIFFERENCE = 90.0  # deg of azimuth from the pixels' sun; 8 of 8 marks that differed more were wrong
 
 MIN_ELEVATION_P_VALUE = 0.004  # by the pixels, under which the elevation of time and place is contradicted
 MIN_HEADING_P_VALUE = 0.008  # the same of a compass heading
@@ -103,6 +106,10 @@ class Observations:
     """What warnings call the pixels' source: a "clip" and a "stream" are taken, too."""
     weights: tuple[float, ...] = ()
     """Probability of each candidate before the pixels; () where all are alike."""
+    shadows: tuple[ShadowMark, ...] = ()
+    """What the user marked, in pixels of a picture of `picture_size`."""
+    picture_size: tuple[int, int] = (0, 0)
+    """Columns and rows of the upright photo without its border; (0, 0) without shadows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +134,8 @@ class Posterior:
     """From the first of several photos; None where there is a heading."""
     candidate: tuple[float, float] | None = None
     """Elevation and azimuth [deg] of the likeliest one of time and place."""
+    candidate_probability: float = 0.0
+    """0 to 1, of that one; 0 without time and place."""
     predicted_sun_elevation: float | None = None
     """Deg, by the pixels whose light it has; None: those of `prediction`."""
 
@@ -189,6 +198,7 @@ def fuse_with_gravity(leveled: _GravityFused) -> Posterior:
     Raises:
         ParameterError: every candidate sun is below the horizon.
     """
+    leveled = _fuse_shadows(leveled)
     prediction, observations = leveled.prediction, leveled.observations
     candidates = candidates_above_horizon(observations)
     likelihood = likelihood_by_heading(prediction, candidates)
@@ -266,6 +276,33 @@ def _tilt_difference(prediction: Prediction, gravity: Gravity) -> tuple[float, f
 def _network_weight(metadata_std: float, network_std: float) -> float:
     """The weight (0 to 1) of the network's value beside that of the metadata."""
     return metadata_std**2 / (metadata_std**2 + network_std**2)
+
+
+# The sun by shadows that the user marked.
+
+
+def _fuse_shadows(leveled: _GravityFused) -> _GravityFused:
+    """The same with the sun's probability by the user's marks, and a warning of each that the pixels contradict."""
+    prediction, observations = leveled.prediction, leveled.observations
+    if not observations.shadows:
+        return leveled
+    fov = _with_lens(prediction, observations).vertical_fov
+    camera = Pinhole(*observations.picture_size, fov, 0.0, prediction.camera_elevation, prediction.camera_roll)
+    cells = grid_directions(prediction.spec.sun_grid)
+    probability = fuse_shadows(prediction.sun_probability, observations.shadows, camera, cells)
+    pixels = float(angles(prediction.sun_direction)[0])
+    stated = [azimuth for mark in observations.shadows if (azimuth := implied_azimuth(mark, camera)) is not None]
+    warnings = [
+        CodedWarning(
+            f"A shadow has the sun {format_azimuth(azimuth)}, the {observations.subject} "
+            f"{format_azimuth(pixels)}: is its other end the foot?",
+            WarningCode.SHADOW_CONTRADICTED,
+        )
+        for azimuth in stated
+        if abs(float(wrap_azimuth(azimuth - pixels))) > _MAX_SHADOW_DIFFERENCE
+    ]
+    fused = replace(prediction, sun_probability=probability)
+    return replace(leveled, prediction=fused, warnings=(*leveled.warnings, *warnings))
 
 
 # The sun by time, place and compass.
@@ -366,7 +403,8 @@ def posterior_on_rings(prediction: Prediction, observations: Observations, weigh
         sun = SunEstimate(alone.azimuth, alone.elevation, *radii)
         heading = replace(heading, best=heading_from_probability(chosen.sum(axis=0) / chosen.sum()).best)
     camera = _with_lens(prediction, observations)
-    return Posterior(camera, sun, directions, p.ravel(), used, camera_heading=heading, candidate=best)
+    posterior = Posterior(camera, sun, directions, p.ravel(), used, camera_heading=heading)
+    return replace(posterior, candidate=best, candidate_probability=share)
 
 
 def _likeliest_candidate(candidates: Floats, probability: Floats) -> tuple[tuple[float, float], float]:
@@ -397,6 +435,7 @@ def _used_evidence(prediction: Prediction, observations: Observations) -> tuple[
         EvidenceKind.HEADING: bool(observations.candidates) and observations.heading is not None,
         EvidenceKind.FOCAL_LENGTH: observations.vertical_fov is not None,
         EvidenceKind.GRAVITY: observations.gravity is not None,
+        EvidenceKind.SHADOW: bool(observations.shadows),
         EvidenceKind.CAMERA_EXPOSURE: prediction.light is not None and observations.exposure_value is not None,
     }
     return tuple(kind for kind, used in is_used.items() if used)

@@ -10,6 +10,7 @@ import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, describe_fields
+from lighting.fusion.shadows import ShadowMark, check_marks, read_shadow
 from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
@@ -39,6 +40,8 @@ class UserInput:
     """Meters above the ground, 0.1 to 20,000."""
     keep_location: bool = False
     """Whether the answer may hold latitude and longitude."""
+    shadows: tuple[ShadowMark, ...] = ()
+    """What the user marked in the photo, in pixels of the upright picture."""
 
     def __init__(
         self,
@@ -52,6 +55,7 @@ class UserInput:
         vertical_fov: float | None = None,
         camera_height: float | None = None,
         keep_location: bool = False,
+        shadows: Sequence[ShadowMark | str] = (),
         lat: float | None = None,
         lon: float | None = None,
         fov: float | None = None,
@@ -69,6 +73,8 @@ class UserInput:
             vertical_fov: deg, 1 to 170, of the upright photo.
             camera_height: m above the ground, 0.1 to 20,000.
             keep_location: whether the answer may hold latitude and longitude.
+            shadows: Shadow, OwnShadow, ShadowLine and LitSide of `lighting.fusion.shadows`, also as texts such as
+                "310,820,455,790"; see `read_shadow`.
             lat: short for `latitude`.
             lon: short for `longitude`.
             fov: short for `vertical_fov`.
@@ -90,6 +96,7 @@ class UserInput:
             "vertical_fov": _stated_once("vertical_fov", vertical_fov, fov),
             "camera_height": camera_height,
             "keep_location": keep_location,
+            "shadows": tuple(read_shadow(mark) if isinstance(mark, str) else mark for mark in shadows),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -111,6 +118,8 @@ class UserInput:
             for name in stated:
                 check_range(name, getattr(self, name), *_RANGES[name])
             check_location(self.latitude, self.longitude)
+        if self.shadows:
+            check_marks(self.shadows)
         self._check_time()
 
     def explicit_fields(self) -> dict[str, object]:

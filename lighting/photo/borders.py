@@ -59,7 +59,7 @@ _COLLAGE_RATIO = 6.0  # of areas, up to which the largest and the second picture
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Rectangle:
+class Rectangle:
     """A part of a picture, in shares of its width and height."""
 
     left: float
@@ -83,10 +83,10 @@ class _Rectangle:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Layout:
+class Layout:
     """How a picture is made up."""
 
-    photo: _Rectangle | None = None
+    photo: Rectangle | None = None
     """Of several like it, or inside a border; None: the whole picture."""
     is_collage: bool = False
     """Whether the picture shows several photos."""
@@ -112,7 +112,7 @@ class _Box:
         return values[self.top : self.bottom, self.left : self.right]
 
 
-def find_layout(pixels: _Bytes) -> _Layout:
+def find_layout(pixels: _Bytes) -> Layout:
     """Find the photo inside a border, and whether a picture is a collage; thumbnails are not searched.
 
     Args:
@@ -121,7 +121,7 @@ def find_layout(pixels: _Bytes) -> _Layout:
     image = Image.fromarray(pixels)
     size = shrink_size(*image.size, _SIDE)
     if min(size) < _MIN_SIDE:
-        return _Layout()
+        return Layout()
     reduced = image.resize(size, Image.Resampling.BOX)
     small, gray = (np.asarray(one).astype(np.int16) for one in (reduced, reduced.convert("L")))
     whole = _Box(0, 0, *size)
@@ -132,26 +132,26 @@ def find_layout(pixels: _Bytes) -> _Layout:
         if not pictures or (len(pictures) == 1 and _is_one_sided(pictures[0], box)):  # a smooth bar may be plain
             pictures = _picture_among_smooth_bars(small, gray, box) or pictures
         if len(pictures) > 1:
-            return _Layout(is_collage=True)
+            return Layout(is_collage=True)
         if not pictures:
             break
         box = pictures[0]
     if half is None and box != whole and (half := _stereo_half(gray, box)) is not None:
         box = half
     elif _has_shades(small, box) and _has_seams(gray, box):
-        return _Layout(is_collage=True)
+        return Layout(is_collage=True)
     if box == whole:
-        return _Layout()
+        return Layout()
     inset = int(size != image.size)  # a line that the reduction mixed of border and photo
-    return _Layout(_shares(box, size, inset), is_stereo_pair=half is not None)
+    return Layout(_shares(box, size, inset), is_stereo_pair=half is not None)
 
 
-def _shares(box: _Box, size: tuple[int, int], inset: int) -> _Rectangle:
+def _shares(box: _Box, size: tuple[int, int], inset: int) -> Rectangle:
     """The box as shares of the searched picture; sides that are not the picture's own move in by some pixels."""
     width, height = size
     left, top = (edge + inset * (edge > 0) for edge in (box.left, box.top))
     right, bottom = box.right - inset * (box.right < width), box.bottom - inset * (box.bottom < height)
-    return _Rectangle(left / width, top / height, right / width, bottom / height)
+    return Rectangle(left / width, top / height, right / width, bottom / height)
 
 
 # Pictures on a plain background.

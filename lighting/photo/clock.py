@@ -107,7 +107,7 @@ def to_utc(local_time: datetime, utc_offset: float) -> datetime:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _Stamp:
+class Stamp:
     """One date and time that a file holds."""
 
     time: datetime
@@ -153,7 +153,7 @@ _AFTERNOON += "pm p 下午 晚上 傍晚 中午 午後 오후 م مساء بظ �
 _HALF_DAYS = dict.fromkeys(_MORNING.split(), 0) | dict.fromkeys(_AFTERNOON.split(), 12)
 
 
-def _read_stamp(value: Any) -> _Stamp | None:
+def read_stamp(value: Any) -> Stamp | None:
     """A date and time with the offset from UTC that stands in it; None where they are absent or in doubt.
 
     Args:
@@ -161,7 +161,7 @@ def _read_stamp(value: Any) -> _Stamp | None:
     """
     text = _with_month_number(_plain_text(value).strip("\"'"))
     if seconds := re.fullmatch(_SECONDS, text):
-        return _Stamp(datetime.fromtimestamp(int(seconds[1]), UTC).replace(tzinfo=None), 0.0)
+        return Stamp(datetime.fromtimestamp(int(seconds[1]), UTC).replace(tzinfo=None), 0.0)
     parts = re.fullmatch(_SEPARATED, text) or re.fullmatch(_COMPACT, text)
     if parts is None or (date := _date(*parts.group(1, 2, 3))) is None:
         return None
@@ -174,7 +174,7 @@ def _read_stamp(value: Any) -> _Stamp | None:
         time = datetime(*date, hour % 24 if hour == 24 else hour, minute, min(second, 59))
     except ValueError:
         return None
-    return _Stamp(time, _offset_in_text(rest, time)) if YEAR_RANGE[0] <= time.year <= YEAR_RANGE[1] else None
+    return Stamp(time, _offset_in_text(rest, time)) if YEAR_RANGE[0] <= time.year <= YEAR_RANGE[1] else None
 
 
 def _plain_text(value: Any) -> str:
@@ -279,7 +279,7 @@ _IPTC_TIMES = (((2, 55), (2, 60)), ((2, 62), (2, 63)))  # date and time, of the 
 
 def read_clock(
     camera: Tags, main: Tags, xmp: Mapping[str, str], iptc: Mapping[Any, Any], *, is_located: bool = False
-) -> _Stamp | None:
+) -> Stamp | None:
     """The photo's local time, the best that its file holds, with the offset from UTC that the file has for it.
 
     Args:
@@ -304,7 +304,7 @@ def read_clock(
         offset = _first_known(_offset_by_universal(time, others), _offset_beside(xmp, time, is_located))
     if offset is None:
         offset = _offset_of_edit(tags, time, is_located)
-    return _Stamp(time, offset)
+    return Stamp(time, offset)
 
 
 def _is_same_time(time: datetime, other: datetime) -> bool:
@@ -312,26 +312,26 @@ def _is_same_time(time: datetime, other: datetime) -> bool:
     return abs(time - other) < timedelta(seconds=1.5) or other.replace(second=0, microsecond=0) == time
 
 
-def _exif_stamps(tags: Tags) -> Iterator[_Stamp]:
+def _exif_stamps(tags: Tags) -> Iterator[Stamp]:
     """The times of picture and scan, with the offsets beside them."""
     base = ExifTags.Base
-    original, digitized = (_read_stamp(tags.get(tag)) for tag in (base.DateTimeOriginal, base.DateTimeDigitized))
+    original, digitized = (read_stamp(tags.get(tag)) for tag in (base.DateTimeOriginal, base.DateTimeDigitized))
     if original:
         offset = _first_known(original.utc_offset, _offset(tags, base.OffsetTimeOriginal, original))
         alone = digitized is None or digitized.time == original.time
         scan = _offset(tags, base.OffsetTimeDigitized, original) if offset is None and alone else None
-        yield _Stamp(original.time, _first_known(offset, scan, _time_zone_offset(tags)))
+        yield Stamp(original.time, _first_known(offset, scan, _time_zone_offset(tags)))
     if digitized:
-        yield _Stamp(
+        yield Stamp(
             digitized.time, _first_known(digitized.utc_offset, _offset(tags, base.OffsetTimeDigitized, digitized))
         )
 
 
-def _late_stamps(tags: Tags) -> Iterator[_Stamp]:
+def _late_stamps(tags: Tags) -> Iterator[Stamp]:
     """The time at which the file was written, unless a program did it later than the camera."""
     base = ExifTags.Base
-    if (written := _read_stamp(tags.get(base.DateTime))) and not _was_edited(tags, {}):
-        yield _Stamp(written.time, _first_known(written.utc_offset, _offset(tags, base.OffsetTime, written)))
+    if (written := read_stamp(tags.get(base.DateTime))) and not _was_edited(tags, {}):
+        yield Stamp(written.time, _first_known(written.utc_offset, _offset(tags, base.OffsetTime, written)))
 
 
 def _was_edited(tags: Tags, xmp: Mapping[str, str]) -> bool:
@@ -360,12 +360,12 @@ def _text(tags: Tags, tag: int) -> str:
 def _offset_of_edit(tags: Tags, time: datetime, is_located: bool) -> float | None:
     """The offset of the time at which the file was written, which may have been another season's."""
     base = ExifTags.Base
-    written = _read_stamp(tags.get(base.DateTime))
+    written = read_stamp(tags.get(base.DateTime))
     is_later = written is not None and abs(written.time - time) > MAX_CLOCK_DIFFERENCE
-    return None if is_later and is_located else _offset(tags, base.OffsetTime, _Stamp(time))
+    return None if is_later and is_located else _offset(tags, base.OffsetTime, Stamp(time))
 
 
-def _offset(tags: Tags, tag: int, stamp: _Stamp) -> float | None:
+def _offset(tags: Tags, tag: int, stamp: Stamp) -> float | None:
     return _offset_in_text(_plain_text(tags.get(tag)), stamp.time)
 
 
@@ -382,29 +382,29 @@ def _first_known(*values: float | None) -> float | None:
     return next((value for value in values if value is not None), None)
 
 
-def _xmp_stamp(xmp: Mapping[str, str], name: str) -> _Stamp | None:
-    stamp = _read_stamp(xmp.get(name))
+def _xmp_stamp(xmp: Mapping[str, str], name: str) -> Stamp | None:
+    stamp = read_stamp(xmp.get(name))
     suffix = name.rpartition("DateTime")[2]
     if stamp is None or stamp.utc_offset is not None or suffix not in ("Original", "Digitized"):
         return stamp
     texts = (_plain_text(xmp.get(f"{space} OffsetTime{suffix}")) for space in (_EXIF_EX, EXIF_NAMESPACE))
-    return _Stamp(stamp.time, _first_known(*(_offset_in_text(text, stamp.time) for text in texts)))
+    return Stamp(stamp.time, _first_known(*(_offset_in_text(text, stamp.time) for text in texts)))
 
 
-def _iptc_stamps(iptc: Mapping[Any, Any]) -> Iterator[_Stamp]:
+def _iptc_stamps(iptc: Mapping[Any, Any]) -> Iterator[Stamp]:
     for pair in _IPTC_TIMES:
         date, time = (_plain_text(v[0] if isinstance(v := iptc.get(key), list) and v else v) for key in pair)
-        if stamp := _read_stamp(f"{date}T{time}"):
+        if stamp := read_stamp(f"{date}T{time}"):
             yield stamp
 
 
-def _takeout_stamps(xmp: Mapping[str, str], exif: Sequence[_Stamp]) -> Iterator[_Stamp]:
+def _takeout_stamps(xmp: Mapping[str, str], exif: Sequence[Stamp]) -> Iterator[Stamp]:
     """The time of Google Takeout, unless it is a local time that Google took for UTC."""
-    if (stamp := _read_stamp(xmp.get(TAKEOUT_TIME))) and not any(stamp.time == other.time for other in exif):
+    if (stamp := read_stamp(xmp.get(TAKEOUT_TIME))) and not any(stamp.time == other.time for other in exif):
         yield stamp
 
 
-def _offset_by_universal(time: datetime, others: Iterable[_Stamp]) -> float | None:
+def _offset_by_universal(time: datetime, others: Iterable[Stamp]) -> float | None:
     """The offset of a local time of which another stamp in the file is the same time in UTC."""
     ahead = [time - stamp.time for stamp in others if stamp.utc_offset == 0]
     hours = (nearest_utc_offset(difference, timedelta(seconds=2)) for difference in ahead)
@@ -449,7 +449,7 @@ def read_gps_time(
     if clock is not None and local_time is not None:
         return _gps_time_near(clock, local_time, 0.0 if longitude is None else longitude)
     in_xmp = xmp.get(f"{EXIF_NAMESPACE} GPSTimeStamp", "")
-    if stamp := _read_stamp(in_xmp):
+    if stamp := read_stamp(in_xmp):
         return _datable(to_utc(stamp.time, stamp.utc_offset or 0.0))
     tag = ExifTags.GPS
     texts: Tags = {tag.GPSTimeStamp: in_xmp, tag.GPSDateStamp: xmp.get(f"{EXIF_NAMESPACE} GPSDateStamp")}

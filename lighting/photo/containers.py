@@ -21,6 +21,7 @@ import struct
 import warnings
 from collections import deque
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
@@ -32,6 +33,19 @@ from PIL import ExifTags, Image
 from lighting.errors import PhotoError
 
 RAW_FORMAT = "RAW"
+
+
+@contextmanager
+def decoder_calls() -> Iterator[None]:
+    """Calls of decoders alone, which raise nearly anything on hostile bytes: it becomes PhotoError."""
+    try:
+        yield
+    except (PhotoError, MemoryError):
+        raise
+    except Exception as error:
+        reason = (str(error).strip().rstrip(".").splitlines() or [type(error).__name__])[0]
+        raise PhotoError(f"The photo is damaged or cut short ({reason}).") from error
+
 
 # TIFF
 _MAX_PAGES = 16  # that are read
@@ -484,12 +498,13 @@ def _add_raw_exif(preview: Image.Image, data: bytes) -> None:
         preview: opened by Pillow; changed in place.
         data: of the RAW file.
     """
-    try:
-        block = None if dict(preview.getexif()) else _read_block(data)
-    except Exception:  # EXIF is hostile input
+    own: dict[int, Any] = {}
+    with suppress(Exception):  # Pillow raises nearly anything on hostile bytes
+        own = dict(preview.getexif())
+    if own or (block := _read_block(data)) is None:
         return
-    if block is not None:
-        preview.info["exif"] = block
+    preview.info["exif"] = block
+    with suppress(Exception):
         preview.getexif().clear()
         preview.getexif().load(block)
 
@@ -498,26 +513,36 @@ def _read_block(data: bytes) -> bytes | None:
     """An EXIF block as a JPEG would hold it; None where there is none."""
     if start := _TIFF_LIKE.get(data[:4]):
         return b"Exif\0\0" + start + data[4:_HEAD]
-    if data.startswith(_RAF_START):
+    if data.startswith(_RAF_START) and len(data) >= _RAF_JPEG + 8:
         begin, length = struct.unpack_from(">II", data, _RAF_JPEG)
-        with Image.open(BytesIO(data[begin : begin + length]), formats=["JPEG"]) as photo:
+        with suppress(Exception), Image.open(BytesIO(data[begin : begin + length]), formats=["JPEG"]) as photo:
             return photo.info.get("exif")
-    return _cr3_block(data[:_HEAD]) if data[4:12] == b"ftypcrx " else None
+    return _join_directories(_cr3_directories(data[:_HEAD])) if data[4:12] == b"ftypcrx " else None
 
 
-def _cr3_block(head: bytes) -> bytes:
-    """One block of the directories that a CR3 holds apart."""
-    block = Image.Exif()
+def _cr3_directories(head: bytes) -> dict[int | None, bytes]:
+    """The directories of EXIF that a CR3 holds apart; None: the main one."""
+    found: dict[int | None, bytes] = {}
     for name, ifd in _CR3_BOXES.items():
         position = head.find(name)
-        if position < 4:
-            continue
-        (size,) = struct.unpack_from(">I", head, position - 4)
-        directory = Image.Exif()
-        directory.load(b"Exif\0\0" + head[position + 4 : position - 4 + size])
-        target: Any = block if ifd is None else block.get_ifd(ifd)
-        target.update({tag: value for tag, value in directory.items() if tag not in tuple(ExifTags.IFD)})
-    return block.tobytes()
+        if position >= 4:
+            (size,) = struct.unpack_from(">I", head, position - 4)
+            found[ifd] = head[position + 4 : position - 4 + size]
+    return found
+
+
+def _join_directories(directories: dict[int | None, bytes]) -> bytes | None:
+    """One block of directories; None where Pillow cannot read them."""
+    block = Image.Exif()
+    try:
+        for ifd, data in directories.items():
+            directory = Image.Exif()
+            directory.load(b"Exif\0\0" + data)
+            target: Any = block if ifd is None else block.get_ifd(ifd)
+            target.update({tag: value for tag, value in directory.items() if tag not in tuple(ExifTags.IFD)})
+        return block.tobytes()
+    except Exception:
+        return None
 
 
 def open_exif_source(data: bytes, preview: Image.Image) -> Image.Image:
@@ -529,11 +554,9 @@ def open_exif_source(data: bytes, preview: Image.Image) -> Image.Image:
         data: of a RAW or TIFF file.
         preview: opened; perhaps changed in place.
     """
-    try:
-        if is_moderate(data):
+    if is_moderate(data):
+        with suppress(Exception):
             return Image.open(BytesIO(data), formats=["TIFF"])
-    except Exception:  # nearly anything, on hostile bytes
-        pass
     if is_raw(data):
         _add_raw_exif(preview, data)
     return preview

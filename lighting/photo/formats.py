@@ -11,6 +11,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO
 from typing import Any, Literal
 
@@ -57,7 +58,7 @@ def _ftyp_brands(data: bytes) -> list[bytes]:
 
 
 def open_heif(data: bytes) -> Image.Image:
-    """The picture of a HEIC or AVIF, not decoded; of a HEIC its EXIF orientation is what is left to be done.
+    """The picture of a HEIC or AVIF, not decoded.
 
     No plugin is registered with Pillow, where a program that uses this one may have registered its own.
 
@@ -73,7 +74,6 @@ def open_heif(data: bytes) -> Image.Image:
     from pi_heif import HeifImageFile
 
     image: Image.Image = HeifImageFile(BytesIO(data))
-    _restore_orientation(image, data, image.info.get("original_orientation"))
     return image
 
 
@@ -86,21 +86,29 @@ def complete_avif(image: Image.Image, data: bytes) -> None:
     """
     import pi_heif
 
+    exif = Image.Exif()
     try:
         other = pi_heif.open_heif(BytesIO(data))
+        exif.load(other.info.get("exif") or b"")
+        orientation = exif.get(ExifTags.Base.Orientation)
     except Exception:  # what Pillow opened is a photo, whatever another reader says of its boxes
         return
     if nclx := other.info.get("nclx_profile"):
         image.info["nclx_profile"] = nclx
-    exif = Image.Exif()
-    exif.load(other.info.get("exif") or b"")
-    _restore_orientation(image, data, exif.get(ExifTags.Base.Orientation))
+    restore_orientation(image, data, orientation)
 
 
-def _restore_orientation(image: Image.Image, data: bytes, orientation: Any) -> None:
-    """Give a picture that its container does not turn the orientation of its EXIF block, which readers take away."""
+def restore_orientation(image: Image.Image, data: bytes, orientation: Any) -> None:
+    """Give a picture that its container does not turn the orientation of its EXIF block, which readers take away.
+
+    Args:
+        image: a HEIC or AVIF, opened; changed in place.
+        data: of its file.
+        orientation: by EXIF; what is no number from 1 to 8 says nothing.
+    """
     if isinstance(orientation, int) and 1 < orientation <= 8 and not _turns_picture(data):
-        image.getexif()[ExifTags.Base.Orientation] = orientation
+        with suppress(Exception):  # a damaged block must not reject a photo
+            image.getexif()[ExifTags.Base.Orientation] = orientation
 
 
 def _turns_picture(data: bytes) -> bool:
@@ -209,6 +217,10 @@ _RAWS = (
     ("a Phase One IIQ", b"IIII"),
     ("a RED R3D", b"\0\0\0\0RED"),
 )
+_PHOTO_HEADS = (
+    b"\xff\xd8\xff", b"\x89PNG", b"II*\0", b"MM\0*", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILM", b"FOVb",
+)  # fmt: skip
+HEAD_BYTES = 12  # that `begins_as_photo` needs
 _PHOTOS = (("JPEG", b"\xff\xd8\xff"), ("PNG", b"\x89PNG\r\n\x1a\n"))  # names without articles
 _QUICKTIME_ATOMS = (b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 _NETPBM = {b"1": "PBM", b"2": "PGM", b"3": "PPM", b"4": "PBM", b"5": "PGM", b"6": "PPM", b"7": "PAM"}
@@ -254,6 +266,16 @@ def unreadable_sentence(data: bytes) -> str:
     if name := _other_name(data):
         return f"This is {name}, not a photo."
     return UNREADABLE
+
+
+def begins_as_photo(head: bytes) -> bool:
+    """Tell whether a file may be a photo that is read, or a RAW file with a preview.
+
+    Args:
+        head: its first HEAD_BYTES bytes.
+    """
+    is_webp = head[:4] == b"RIFF" and head[8:12] == b"WEBP"
+    return head.startswith(_PHOTO_HEADS) or is_webp or head[4:8] == b"ftyp"
 
 
 def kind_name(data: bytes) -> str | None:

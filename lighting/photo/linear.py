@@ -7,6 +7,8 @@ caller knows better. The primaries of an ICC profile are believed: values become
 
 import io
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -58,6 +60,10 @@ class LinearPhoto:
     """Whether the file says that a curve coded the values which were taken for linear."""
 
 
+class _DecoderError(Exception):
+    """What a decoder raised."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Stored:
     """A picture as its file holds it."""
@@ -85,11 +91,9 @@ def read_linear(path: str | Path, curve: Curve | None = None, *, upright: bool =
         return _read_picture(file, curve, upright)
     except PhotoError as error:
         raise PhotoError(f"{file}: {error}") from error
-    except (FileNotFoundError, PermissionError, MemoryError):
-        raise
     except Image.DecompressionBombError as error:
         raise PhotoError(f"{file} has too many pixels to be read.") from error
-    except Exception as error:  # decoders raise nearly anything on hostile bytes
+    except _DecoderError as error:
         raise PhotoError(f"{file} cannot be read as a PNG, TIFF or JPEG picture{_kind_of(file)}.") from error
 
 
@@ -147,7 +151,19 @@ def _read_stored(data: bytes) -> _Stored:
 
 
 def _open(data: bytes) -> Image.Image:
-    return Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
+    with _decoder_calls():
+        return Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
+
+
+@contextmanager
+def _decoder_calls() -> Iterator[None]:
+    """Calls of decoders alone, which raise nearly anything on hostile bytes: it becomes _DecoderError."""
+    try:
+        yield
+    except (Image.DecompressionBombError, MemoryError):
+        raise
+    except Exception as error:
+        raise _DecoderError from error
 
 
 def _linearize(samples: NDArray[Any], coded: bool) -> Pixels:
@@ -173,10 +189,13 @@ def _curve_warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple
 def _read_samples(image: Any, data: bytes) -> NDArray[Any]:
     """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for gray, else 3."""
     modes = {_raw_mode(tile) for tile in image.tile}
-    if image.mode.startswith("I;16") or image.mode == "I":
+    if modes == {_GRAY_ALPHA} and not image.mode.startswith("I"):
+        image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
+    with _decoder_calls():
+        image.load()
+    if image.mode.startswith("I"):
         return gray_16_bit(image)[..., None]
     if modes == {_GRAY_ALPHA}:
-        image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
         high, low = np.moveaxis(np.asarray(image), -1, 0)[:2]
         return np.asarray((high.astype(np.uint16) << 8 | low)[..., None])
     if image.mode in ("RGB", "RGBA") and any(";16" in mode for mode in modes):
@@ -194,6 +213,8 @@ def _low_bytes(data: bytes) -> NDArray[np.uint8]:
     """
     image: Any = _open(data)
     image.tile = [_with_other_byte_order(tile) for tile in image.tile]
+    with _decoder_calls():
+        image.load()
     return np.asarray(image)[..., :3]
 
 
@@ -240,8 +261,8 @@ def _develop_raw(data: bytes, name: str, upright: bool) -> tuple[NDArray[np.uint
     return np.asarray(pixels), levels
 
 
-def open_header(file: str | Path) -> Image.Image:
-    """A picture with its EXIF block and nothing decoded, of RAW files their preview; raises nearly anything.
+def open_header(file: str | Path) -> Image.Image | None:
+    """A picture with its EXIF block and nothing decoded, of RAW files their preview; None where it cannot be opened.
 
     Most RAW files are TIFF files inside, of which Pillow reads the tags.
 
@@ -252,6 +273,8 @@ def open_header(file: str | Path) -> Image.Image:
         return Image.open(file)
     except UnidentifiedImageError:
         return open_raw_header(Path(file).read_bytes())
+    except Exception:  # Pillow raises nearly anything on hostile bytes
+        return None
 
 
 def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float | None]:
@@ -260,12 +283,12 @@ def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float |
     Args:
         file: path of a photo.
     """
-    try:
-        with open_header(file) as image:
-            tags, beside = read_tags(image), read_sidecar(file)
-            return read_metadata(tags, image.width, image.height, beside), read_exposure(tags.camera)
-    except Exception:  # an absent or strange block is no reason to refuse the pixels
+    header = open_header(file)
+    if header is None:
         return PhotoMetadata(), None
+    with header as image:
+        tags, beside = read_tags(image), read_sidecar(file)
+    return read_metadata(tags, image.width, image.height, beside), read_exposure(tags.camera)
 
 
 def _undo_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:

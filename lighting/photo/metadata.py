@@ -199,6 +199,8 @@ class PhotoMetadata:
     """Hours, -12 to 14, local minus universal time, where the file has it."""
     gps_time: datetime | None = None
     """Time by the satellites, with its offset from UTC; it may contradict the two."""
+    utc_probability: float | None = None
+    """0 to 1, that `local_time` is in UTC, as a clip's file says, and not local after all. None: nothing doubts it."""
     latitude: float | None = field(default=None, repr=False)
     """Deg, -90 to 90, positive north."""
     longitude: float | None = field(default=None, repr=False)
@@ -267,9 +269,12 @@ def read_metadata(
     if heading is None and pose.heading is not None:
         heading, reference = pose.heading, HeadingReference.TRUE
     lens = read_lens(tags.main, camera, xmp, PhotoFrame(width, height, orientation in (5, 6, 7, 8), is_inside))
-    known = PhotoMetadata(local_time, utc_offset, gps_time, latitude, longitude, heading, reference, lens.focal_length)
+    known = PhotoMetadata(local_time, utc_offset, gps_time, heading=heading, heading_reference=reference)
     known = replace(
         known,
+        latitude=latitude,
+        longitude=longitude,
+        focal_length=lens.focal_length,
         locations=locations if len(locations) > 1 else (),
         vertical_fov=lens.vertical_fovs[0] if lens.vertical_fovs else None,
         other_vertical_fovs=lens.vertical_fovs[1:],

@@ -44,6 +44,7 @@ from lighting.color import (
 )
 from lighting.errors import PhotoError
 from lighting.geometry import Floats
+from lighting.photo.containers import decoder_calls
 from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, PhotoTags, read_text
 
 if TYPE_CHECKING:
@@ -212,9 +213,10 @@ def _to_8_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
     """The same picture in mode L, RGB, CMYK or RGBA; `tags` are those of `_tiff_tags`."""
     if image.mode.startswith("I"):
         return Image.fromarray((gray_16_bit(image, tags) >> 8).astype(np.uint8))
-    if image.has_transparency_data:
-        return image if image.mode == "RGBA" else image.convert("RGBA")
-    return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
+    with decoder_calls():
+        if image.has_transparency_data:
+            return image if image.mode == "RGBA" else image.convert("RGBA")
+        return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
 
 
 def _tiff_tags(image: Image.Image) -> Mapping[int, Any]:
@@ -398,20 +400,22 @@ def _profile_to_rec709(profile: bytes | None) -> _Matrix | None:
     Args:
         profile: bytes of an ICC profile, damaged ones too; None: no profile.
     """
-    from PIL import ImageCms
-
-    try:
-        source = ImageCms.ImageCmsProfile(BytesIO(profile or b"")).profile
-        matrix = np.linalg.solve(_to_xyz(_srgb_profile().profile), _to_xyz(source))
-    except Exception:  # a bad profile, or one of tables, must not reject a photo
+    icc = _open_profile(profile or b"")
+    primaries, srgb = _to_xyz(icc.profile) if icc else None, _to_xyz(_srgb_profile().profile)
+    if primaries is None or srgb is None:  # a bad profile, or one of tables
         return None
+    matrix = np.linalg.solve(srgb, primaries)
     unfit = not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3), rtol=0.0, atol=_SAME)
     return None if unfit else np.asarray(matrix, dtype=np.float32)
 
 
-def _to_xyz(profile: Any) -> NDArray[np.float64]:
-    """The matrix (3, 3) from linear red, green and blue to XYZ under D50, to which profiles adapt their white."""
-    return np.array([profile.red_colorant[0], profile.green_colorant[0], profile.blue_colorant[0]]).T
+def _to_xyz(profile: Any) -> NDArray[np.float64] | None:
+    """The matrix (3, 3) from linear red, green and blue to XYZ under D50, to which profiles adapt their white.
+
+    None where a profile has none.
+    """
+    colorants = profile.red_colorant, profile.green_colorant, profile.blue_colorant
+    return None if None in colorants else np.array([colorant[0] for colorant in colorants]).T
 
 
 def is_gamma_encoded(header: Image.Image) -> bool:
@@ -429,15 +433,11 @@ def is_gamma_encoded(header: Image.Image) -> bool:
 
 def _shown_greys(profile: bytes | None, greys: tuple[int, ...]) -> NDArray[np.uint8] | None:
     """The sRGB levels (N,) of some greys by an ICC profile; None where it tells none."""
-    picture = np.repeat(np.array(greys, dtype=np.uint8)[None, :, None], 3, axis=-1)
-    try:
-        convert = _build_transform(_open_profile(profile or b""), "RGB")
-        return convert(Image.fromarray(picture))[0, :, 1]
-    except Exception:
-        try:
-            return _build_transform(_open_profile(profile or b""), "L")(Image.fromarray(picture[..., 0]))[0, :, 1]
-        except Exception:
-            return None
+    icc, picture = _open_profile(profile or b""), Image.fromarray(np.array(greys, dtype=np.uint8)[None])
+    for mode in ("RGB", "L"):
+        if icc and (convert := _build_transform(icc, mode)):
+            return convert(picture.convert(mode))[0, :, 1]
+    return None
 
 
 def _hdr_curve(profile: bytes) -> Literal["pq", "hlg"] | None:
@@ -462,33 +462,30 @@ def _profile_transform(profile: bytes) -> Callable[[Image.Image], NDArray[np.uin
     transforms: dict[str, Callable[[Image.Image], NDArray[np.uint8]]] = {}
 
     def convert(image: Image.Image) -> NDArray[np.uint8]:
-        try:
-            if image.mode not in transforms:
-                transforms[image.mode] = _build_transform(icc, image.mode)
-            return transforms[image.mode](image)
-        except Exception:  # a profile of another mode's, as of RGB with a grey picture, must not reject a photo
-            return _as_rgb(image)
+        if image.mode not in transforms:
+            transforms[image.mode] = _build_transform(icc, image.mode) or _as_rgb
+        return transforms[image.mode](image)
 
     return convert
 
 
-def _build_transform(icc: "ImageCms.ImageCmsProfile | None", mode: str) -> Callable[[Image.Image], NDArray[np.uint8]]:
-    """A function of pictures in a mode; raises nearly anything for a profile that does not fit it."""
-    assert icc is not None
+def _build_transform(icc: "ImageCms.ImageCmsProfile", mode: str) -> Callable[[Image.Image], NDArray[np.uint8]] | None:
+    """A function of pictures in a mode; None for a profile of another's, as of RGB for a gray picture."""
     from PIL import ImageCms
 
-    transform = ImageCms.buildTransform(icc, _srgb_profile(), mode, "RGB")
+    try:
+        transform = ImageCms.buildTransform(icc, _srgb_profile(), mode, "RGB")
+    except Exception:  # a bad profile must not reject a photo
+        return None
     return lambda image: np.asarray(ImageCms.applyTransform(image, transform))
 
 
 def _is_srgb(icc: "ImageCms.ImageCmsProfile") -> bool:
     """Whether a profile makes sRGB's colors of values, whatever its name says."""
-    samples = _sample_colors()
-    try:
-        shown = _build_transform(icc, "RGB")(Image.fromarray(samples))
-    except Exception:
+    samples, convert = _sample_colors(), _build_transform(icc, "RGB")
+    if convert is None:
         return False
-    return bool(np.abs(shown.astype(int) - samples).max() <= _SAME_LEVELS)
+    return bool(np.abs(convert(Image.fromarray(samples)).astype(int) - samples).max() <= _SAME_LEVELS)
 
 
 @lru_cache(maxsize=1)

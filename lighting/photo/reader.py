@@ -10,7 +10,7 @@ import os
 import struct
 import threading
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
 from math import ceil
@@ -27,7 +27,7 @@ from lighting.color import check_pixels
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError, warn_of_old_name
 from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
-from lighting.photo.borders import find_layout
+from lighting.photo.borders import Layout, find_layout
 from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, read_color_encoding, upright_pixels
 from lighting.photo.tags import read_sidecar, read_tags
@@ -44,7 +44,7 @@ MAX_ASPECT = 8  # longer side / shorter side
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of more than 4 GB too
 _UNREADABLE_TIFF = "The TIFF is damaged or not supported, such as 32 bits per colour; convert it to 8 or 16 bits."
-_BORDER = "Only the photo inside a border was used: {width} x {height} pixels."
+_BORDER = "Only the {subject} inside a border was used: {width} x {height} pixels."
 _STEREO_PAIR = "Only one half of a stereo pair was used: {width} x {height} pixels."
 _COLLAGE = "Probably a collage of several photos: do not trust this result."
 _WARNING_FILTERS = threading.Lock()  # they belong to the whole process, so one thread at a time is silent
@@ -236,12 +236,8 @@ def read_photo(
             encoding = read_color_encoding(image, picture, own, tags)
         orientation = (own if page and page.has_orientation else tags).orientation
         pixels = upright_pixels(image, side, orientation, encoding)
-    except PhotoError:
-        raise
     except MemoryError as error:
         raise PhotoTooLargeError("The photo needs more memory than its limit.") from error
-    except Exception as error:  # decoders raise nearly anything on hostile bytes
-        raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     photo = _without_border(Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format)))
     metadata = read_metadata(tags, photo.width, photo.height, sidecar, is_inside=photo.crop is not None)
@@ -283,19 +279,40 @@ def _without_border(photo: Photo) -> Photo:
     """What lies inside a picture's border, with a warning; of a stereo pair one half."""
     layout = find_layout(photo.pixels)
     if layout.is_collage:
-        return replace(photo, is_collage=True, warnings=(CodedWarning(_COLLAGE, WarningCode.COLLAGE),))
+        return replace(photo, is_collage=True, warnings=tuple(describe_layout(layout, photo.width, photo.height)))
     if layout.photo is None:
         return photo
     left, top, right, bottom = layout.photo.pixels(photo.width, photo.height)
     width, height = right - left, bottom - top
     if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
         return photo
-    what = _STEREO_PAIR if layout.is_stereo_pair else _BORDER
-    warning = CodedWarning(what.format(width=width, height=height), WarningCode.BORDER)
     x, y, x_end, y_end = layout.photo.pixels(photo.pixels.shape[1], photo.pixels.shape[0])
     pixels = np.ascontiguousarray(photo.pixels[y:y_end, x:x_end])
     crop = PhotoCrop(left, top, width, height, photo.width, photo.height)
-    return replace(photo, pixels=pixels, width=width, height=height, crop=crop, warnings=(warning,))
+    return replace(
+        photo,
+        pixels=pixels,
+        width=width,
+        height=height,
+        crop=crop,
+        warnings=tuple(describe_layout(layout, width, height)),
+    )
+
+
+def describe_layout(layout: Layout, width: int, height: int, subject: str = "photo") -> Iterator[CodedWarning]:
+    """What is to be said of how a picture is made up: a sentence, or nothing.
+
+    Args:
+        layout: of the picture.
+        width: of the photo in it, pixels.
+        height: of the photo in it, pixels.
+        subject: what the sentence calls that photo.
+    """
+    if layout.is_collage:
+        yield CodedWarning(_COLLAGE, WarningCode.COLLAGE)
+    elif layout.photo is not None:
+        sentence = _STEREO_PAIR if layout.is_stereo_pair else _BORDER
+        yield CodedWarning(sentence.format(subject=subject, width=width, height=height), WarningCode.BORDER)
 
 
 def _pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
@@ -380,14 +397,19 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
     data = containers.check_structure(data)
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
-    try:
-        image = _open_image(data)
-    except (UnidentifiedImageError, SyntaxError) as error:
-        from lighting.photo.formats import unreadable_sentence
+    with containers.decoder_calls():
+        try:
+            image = _open_image(data)
+        except (UnidentifiedImageError, SyntaxError) as error:
+            from lighting.photo.formats import unreadable_sentence
 
-        raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else unreadable_sentence(data)) from error
-    except Image.DecompressionBombError as error:
-        raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
+            raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else unreadable_sentence(data)) from error
+        except Image.DecompressionBombError as error:
+            raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
+    if image.format == "HEIF":
+        from lighting.photo.formats import restore_orientation
+
+        restore_orientation(image, data, image.info.get("original_orientation"))
     if image.format == "TIFF":
         check_bit_depth(image)
     _check_size(*image.size, *_pixel_limit(image, data, max_pixels))
@@ -429,10 +451,6 @@ def _check_size(width: int, height: int, limit: int, kind: str) -> None:
         raise PhotoError(sentence)
 
 
-def _reason(error: Exception) -> str:
-    return str(error).strip().rstrip(".").splitlines()[0] if str(error).strip() else type(error).__name__
-
-
 def _decode_image(image: Image.Image, target: int) -> None:
     """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than the target.
 
@@ -441,5 +459,6 @@ def _decode_image(image: Image.Image, target: int) -> None:
         target: pixels, over 0.
     """
     scale = min(1.0, target / max(image.size))
-    image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
-    image.load()
+    with containers.decoder_calls():
+        image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
+        image.load()

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Union, get_args, get_o
 import numpy as np
 
 import lighting.runtime as runtime
+from lighting.confinement import confine_process
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS
@@ -170,6 +171,7 @@ class _DecoderProcess:
     def __init__(self) -> None:
         self._process: Popen[bytes] | None = None
         self._ready = False
+        self._own_memory = 0  # bytes of address space, before the first photo
         atexit.register(self.end)
 
     def read(self, request: _DecodeRequest, data: bytes) -> Photo:
@@ -213,6 +215,7 @@ class _DecoderProcess:
             self._ready = _open_pipe(self._running.stdout).readline(_MAX_HEADER) == _READY
         if not self._ready:
             raise PhotoError("The process that decodes photos does not start.")
+        self._own_memory = runtime.address_space_used(self.pid)
 
     def end(self) -> None:
         """Kill the process if there is one."""
@@ -234,8 +237,10 @@ class _DecoderProcess:
         """The photo or why there is none; a process that was killed or died is replaced."""
         answer: Photo | Exception | None = None
         death = suppress(EOFError, BrokenPipeError, TypeError, ValueError, RecursionError)  # or an answer that is none
+        budget = memory_budget(len(data), request.max_pixels, request.target)
         helper = runtime.charge_helper(self.pid)
         with helper, _alarm(request.seconds, self._running) as expired, death:
+            runtime.limit_address_space(self._own_memory + budget, self.pid)
             answer = _request_photo(self._running, request, data)
         if expired.is_set() or answer is None:
             self.start()
@@ -425,21 +430,19 @@ def _serve_decoder() -> None:
     """Answer requests until stdin ends."""
     requests, answers = sys.stdin.buffer, runtime.begin_helper()
     _load_decoders()
-    own = runtime.address_space_used()
-    runtime.confine_process()
+    confine_process()
     sys.meta_path.clear()  # a module that was not loaded is then missing in one way, on every system
     answers.write(_READY)
     answers.flush()
     while line := requests.readline():
         request = _parse_record(_DecodeRequest, json.loads(line))
         with runtime.exit_after(request.seconds):
-            _answer_request(request, requests.read(request.size), answers, own)
+            _answer_request(request, requests.read(request.size), answers)
             answers.flush()
 
 
-def _answer_request(request: _DecodeRequest, data: bytes, answers: BinaryIO, own: int) -> None:
+def _answer_request(request: _DecodeRequest, data: bytes, answers: BinaryIO) -> None:
     try:
-        runtime.limit_address_space(own + memory_budget(len(data), request.max_pixels, request.target))
         photo = read_photo(
             data,
             max_bytes=request.max_bytes,

@@ -39,6 +39,7 @@ _MAX_EXIF_BLOCKS = _MAX_XMP_PACKETS = 4  # that are read
 _IPTC_TAG = 33723  # of a TIFF
 _PHOTOSHOP_PREFIX = b"Photoshop 3.0\0"  # of a JPEG's segment of resources
 _SMALLEST_FRAME = b"\xff\xc0\0\x0b\x08\0\1\0\1\1\1\x11\0\xff\xda\0\x08\1\1\0\0\x3f\0"  # of a gray pixel
+_MAX_SEGMENT = (1 << 16) - 1  # bytes of a JPEG's segment, its length among them
 _MAX_IPTC_LENGTH = 1 << 16  # bytes, or numbers of four bytes, that are read; a segment of a JPEG has as many
 _CREATION_KEYWORD = "creation time"  # of a PNG's text
 _EXIF_TEXT = "exif:"  # how the names of a PNG's texts begin that ImageMagick makes of EXIF
@@ -104,7 +105,9 @@ def _read_exif(image: Image.Image) -> Image.Exif:
     is_decoded_png = image.format == "PNG" and not getattr(
         image, "tile", None
     )  # whose own method would decode it again
-    exif = Image.Image.getexif(image) if is_decoded_png else image.getexif()
+    exif = Image.Exif()
+    with suppress(Exception):  # Pillow raises nearly anything on hostile bytes
+        exif = Image.Image.getexif(image) if is_decoded_png else image.getexif()
     if not exif and (block := _raw_profile(image, "exif") or _raw_profile(image, "app1")):
         block = block.removeprefix(_EXIF_PREFIX)
         exif = _load_exif(_EXIF_PREFIX + block) if block.startswith(TIFF_STARTS) else exif
@@ -118,7 +121,8 @@ def _is_cheap(exif: Image.Exif) -> bool:
 
 def _load_exif(block: bytes) -> Image.Exif:
     exif = Image.Exif()
-    exif.load(block)
+    with suppress(Exception):
+        exif.load(block)
     return exif
 
 
@@ -163,11 +167,7 @@ def read_tags(image: Image.Image) -> PhotoTags:
     Args:
         image: opened by Pillow.
     """
-    blocks: list[Image.Exif] = []
-    with suppress(Exception):  # Pillow raises nearly anything on hostile bytes
-        blocks.append(_read_exif(image))
-    with suppress(Exception):
-        blocks.extend(_later_exif(image))
+    blocks = [_read_exif(image), *_later_exif(image)]
     main, camera, gps, interoperability = (_merge_directories(blocks, ifd) for ifd in _DIRECTORIES)
     value = main.get(ExifTags.Base.Orientation)
     orientation, xmp, iptc = value if isinstance(value, int) else None, _read_packet(image), _read_iptc(image)
@@ -221,26 +221,28 @@ def _png_properties(image: Image.Image) -> dict[str, str]:
 
 def _read_iptc(image: Image.Image) -> Mapping[Any, Any]:
     """The IPTC datasets of an image; empty without."""
-    try:
-        if image.format == "PNG" and (block := _raw_profile(image, "iptc") or _raw_profile(image, "8bim")):
-            image = _jpeg_header_with(block)
-        has_iptc = "photoshop" in image.info or image.format == "TIFF"
-        if not (has_iptc and isinstance(image, ImageFile.ImageFile)):
+    if image.format == "PNG" and (block := _raw_profile(image, "iptc") or _raw_profile(image, "8bim")):
+        try:
+            image = Image.open(BytesIO(_jpeg_header_with(block)), formats=("JPEG",))
+        except Exception:  # Pillow raises nearly anything on hostile bytes
             return {}
-        if len(getattr(image, "tag_v2", {}).get(_IPTC_TAG, ())) > _MAX_IPTC_LENGTH:
-            return {}
-        from PIL.IptcImagePlugin import getiptcinfo
-
-        return getiptcinfo(image) or {}
-    except Exception:  # as above
+    has_iptc = "photoshop" in image.info or image.format == "TIFF"
+    if not (has_iptc and isinstance(image, ImageFile.ImageFile)):
         return {}
+    from PIL.IptcImagePlugin import getiptcinfo
+
+    with suppress(Exception):
+        if len(getattr(image, "tag_v2", {}).get(_IPTC_TAG, ())) <= _MAX_IPTC_LENGTH:
+            return getiptcinfo(image) or {}
+    return {}
 
 
-def _jpeg_header_with(resources: bytes) -> Image.Image:
-    """The header of a JPEG with Photoshop's resources, of which Pillow reads IPTC."""
+def _jpeg_header_with(resources: bytes) -> bytes:
+    """The header of a JPEG with Photoshop's resources, of which Pillow reads IPTC; empty where they are too long."""
     segment = _PHOTOSHOP_PREFIX + resources.removeprefix(_PHOTOSHOP_PREFIX)
-    head = b"\xff\xd8\xff\xed" + struct.pack(">H", len(segment) + 2) + segment
-    return Image.open(BytesIO(head + _SMALLEST_FRAME), formats=("JPEG",))
+    if len(segment) + 2 > _MAX_SEGMENT:
+        return b""
+    return b"\xff\xd8\xff\xed" + struct.pack(">H", len(segment) + 2) + segment + _SMALLEST_FRAME
 
 
 def read_number(value: Any) -> float:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lighting.color import luminance
 from lighting.envmap.latlong import MAX_RADIANCE
-from lighting.envmap.render import render, sun_irradiance
+from lighting.envmap.render import render, sun_light
 from lighting.errors import ErrorCode, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
@@ -369,7 +369,7 @@ def _fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> tuple
     upper = len(image) // 2
     with_disc, without_disc = (render(lighting, len(image), sun=shines)[:upper] for shines in (True, False))
     filled[:upper] += with_disc - without_disc
-    return filled, replace(spot, irradiance=sun_irradiance(lighting)), fit
+    return filled, replace(spot, irradiance=sun_light(lighting)[0]), fit
 
 
 def _replace_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> NDArray[np.float32]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.render import ground_reflectance, render, sky_irradiance, sun_irradiance
+from lighting.envmap.render import ground_reflectance, render, sky_irradiance, sun_light
 from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.fields import describe_fields
@@ -246,7 +246,7 @@ class CameraMotion:
     first_frame: int
     """First frame of the shot, 0 or more, counted in the clip."""
     clip: str
-    """The clip's file, from the scene's folder."""
+    """The clip's file, from the scene's folder; empty where the plate stands in its place."""
 
 
 describe_fields(Scene, CameraMotion)
@@ -282,7 +282,7 @@ def make_scene(
         environment = render(lighting, map_height, sun=shines, disc=False)
     else:
         environment = render_with_surroundings(lighting, context, map_height, sun=shines, disc=False)
-    direct = sun_irradiance(lighting) if shines else np.zeros(3)
+    direct = sun_light(lighting)[0] if shines else np.zeros(3)
     light = context.light_at_exposure(lighting) if context else lighting
     lit = ground_shadow_mask(photo.pixels, light, sun=shines, segments=segments)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit, segments)

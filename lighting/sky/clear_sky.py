@@ -16,11 +16,11 @@ References:
 
 import math
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lighting.checksum import read_checked
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, angles, direction
 
@@ -29,8 +29,8 @@ LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek an
 SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to the sky's units before the division
 SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_RADIUS))))  # sr
 
-_DATA = Path(__file__).parent.parent / "data" / "hosek_wilkie.f32"
-# Of the arrays in the file, one behind the other; export/data/sky_tables.py names their axes.
+_HOSEK_WILKIE_TABLE, _PRAGUE_TABLE = "hosek_wilkie.f32", "prague.f16"  # export/data/sky_tables.py made them
+# Of the arrays in the first, one behind the other; export/data/sky_tables.py names their axes.
 _SHAPES = {"sky": (10, 2, 6, 3, 9), "sky_radiance": (10, 2, 6, 3), "sun": (10, 45, 3, 4, 6)}
 _RANGES = {"sun elevation": (0.0, 90.0), "turbidity": (1.0, 10.0), "albedo": (0.0, 1.0)}
 _ROUNDING = 1e-3  # how far beyond the ends of its range a value may lie, for angles that went through float32
@@ -50,7 +50,6 @@ ZENITH_ANGLES = np.concatenate(  # deg
     [[0, 1, 2, 4, 7, 10, 14], np.arange(18, 59, 5), [62, 66], np.arange(70, 84, 2), np.arange(84, 90.1, 0.5)]
 )
 
-_PRAGUE_DATA = Path(__file__).parent.parent / "data" / "prague.f16"  # export/data/sky_tables.py made it
 _CLEAREST, _HAZIEST = 4.0, 10.0  # turbidities of the largest and the least visibility
 _ELEVATION_ROUNDING = 1e-3  # deg below the lowest sun, for angles that went through float32
 
@@ -217,8 +216,8 @@ def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
 
 @lru_cache(maxsize=1)
 def _load_tables() -> dict[str, Floats]:
-    """The published coefficients; export/data/sky_tables.py made the file."""
-    values = np.fromfile(_DATA, "<f4").astype(np.float64)
+    """The published coefficients."""
+    values = np.frombuffer(read_checked(_HOSEK_WILKIE_TABLE), "<f4").astype(np.float64)
     ends = np.cumsum([math.prod(shape) for shape in _SHAPES.values()])
     parts = np.split(values, ends[:-1])
     return {name: part.reshape(shape) for (name, shape), part in zip(_SHAPES.items(), parts, strict=True)}
@@ -354,4 +353,4 @@ def _neighbours(values: Floats, value: float) -> list[tuple[int, float]]:
 def _load_skies() -> NDArray[np.float16]:
     """log2 radiance as factors (V, E, 3, S + Z, RANK), by visibility, sun, channel and angle."""
     shape = len(VISIBILITIES), len(SUN_ELEVATIONS), 3, len(SUN_ANGLES) + len(ZENITH_ANGLES), RANK
-    return np.fromfile(_PRAGUE_DATA, "<f2").reshape(shape)
+    return np.frombuffer(read_checked(_PRAGUE_TABLE), "<f2").reshape(shape)

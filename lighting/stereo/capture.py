@@ -8,6 +8,7 @@ resembles.
 import csv
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -94,11 +95,11 @@ def _read_photo(path: Path, curve: Curve | None) -> _DayPhoto:
 
 
 def _read_exposure(path: Path) -> _Exposure:
-    try:
-        with open_header(path) as header:
+    header = open_header(path)
+    tags: dict[int, Any] = {}
+    if header is not None:
+        with header, suppress(Exception):  # Pillow raises nearly anything on hostile bytes
             tags = dict(header.getexif().get_ifd(ExifTags.IFD.Exif))
-    except Exception:  # EXIF is hostile input
-        return _Exposure()
     base = ExifTags.Base
     names = (base.ExposureTime, base.FNumber, base.ISOSpeedRatings, base.FocalLength)
     return _Exposure(*(_read_number(tags.get(name)) for name in names))

@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lighting.checksum import DATA_FOLDER
 from lighting.errors import ModelError, PhotoError
 from lighting.geometry import Floats, camera_axes
 from lighting.onnx_session import create_session, packaged_network
@@ -456,7 +457,7 @@ class Network:
 
 def _packaged_network() -> Path:
     """The one network of normals in this package; ModelError if there is none or a choice."""
-    return packaged_network(Path(__file__).parents[1] / "data", "normals")
+    return packaged_network(DATA_FOLDER, "normals")
 
 
 def _iter_tiles(height: int, width: int) -> Iterator[tuple[slice, slice]]:

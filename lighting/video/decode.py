@@ -2,20 +2,17 @@
 
 Each frame has its own time, so that a rate may vary. Damaged parts are left out and reported.
 
-How the clip was taken is told by the container's metadata and by the subtitles that DJI's drones write beside it. Both
-are hostile input: whatever cannot be read, or cannot be true, counts as absent.
-
-HDR curves and their diffuse white are those of `lighting.color`. Primaries go from BT.2020 to BT.709 by the
-matrix of Rec. BT.2087.
+HDR curves, cameras' logarithms and their diffuse white are those of `lighting.color`. A border is cut off, and
+lettering is filled from around (framing.py). For that, some frames from all over the clip are looked at first.
 """
 
-import math
 import os
 import re
 from collections.abc import Container, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,263 +21,63 @@ from numpy.typing import NDArray
 
 from lighting.color import (
     CHROMATICITIES,
+    CODE_VALUE_CURVES,
     DECODE_CURVES,
     H273_CHROMATICITIES,
+    LOG_CHROMATICITIES,
     Curve,
     chromaticities_to_rec709,
     srgb_bytes,
 )
 from lighting.errors import VideoError, require_extra
-from lighting.geometry import Floats, shrink_size, wrap_azimuth
-from lighting.photo.camera import heading_from_gimbal, vertical_fov_from_focal_length
-from lighting.photo.clock import YEAR_RANGE
+from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
+from lighting.records import CodedWarning
+from lighting.registration.two_view import import_opencv
 from lighting.tracing import trace_step
+from lighting.video.framing import SAMPLE_SIDE, Framing, find_framing, looks_logarithmic
+from lighting.video.metadata import (
+    LOOKS_LOGARITHMIC,
+    MAX_SUBTITLE_BYTES,
+    Gimbal,
+    Subtitle,
+    container_metadata,
+    find_log_curve,
+    merge_metadata,
+    read_subtitles,
+    read_xml,
+    subtitle_metadata,
+    xml_metadata,
+)
 
 # by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
 TRANSFER_CURVES: dict[int, Curve] = {16: "pq", 18: "hlg"}
 
+_BLACK_CODE, _WHITE_CODE = 64, 940  # of 1023, of limited range
 _FULL_SIGNAL = 65280  # 255 x 256, which libswscale makes of the largest signal where it converts to 16 bits
 
-QUICKTIME = "com.apple.quicktime."
-LOCATION_TAGS = (f"{QUICKTIME}location.ISO6709", "location", "location-eng", "\xa9xyz")
-LENS_TAGS = (f"{QUICKTIME}camera.focal_length.35mm_equivalent",)
-HEADING_TAGS = (f"{QUICKTIME}direction.facing",)
-FOCAL_LENGTHS = (8.0, 180.0)  # mm, as on 35 mm film, that a drone's lens may have
-MAX_SUBTITLE_BYTES = 64_000_000  # bytes; an hour of DJI's at 30 frames a second is 30 million
 
-_ISO6709 = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?:\.\d+)?)?(?:CRS[^/]*)?/?")
-_NUMBER = re.compile(r"(\w+)\s*:\s*([+-]?\d+(?:\.\d+)?)")
-# longitude first, as older models write it
-_GPS_PAIR = re.compile(r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)")
-_START_TIME = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
-_NO_DIGITAL_ZOOM = (0.0, 1.0, 10000.0)  # ratios: some models count ten-thousandths, and 0 says nothing
-_CLOCK = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)")
+def _to_srgb(
+    coded: NDArray[np.uint16], curve: Curve, primaries: int, *, is_full_range: bool = False
+) -> NDArray[np.uint8]:
+    """8-bit sRGB (..., 3) of 16-bit coded values (..., 3), as PyAV has them, under a curve.
 
-
-@dataclass(frozen=True, eq=False)
-class Gimbal:
-    """Where a drone says its camera points; all (N,), N may be 0, times rising."""
-
-    time: Floats = field(default_factory=lambda: np.empty(0))
-    """Seconds from the clip's start."""
-    heading: Floats = field(default_factory=lambda: np.empty(0))
-    """Deg clockwise from north, as `heading_from_gimbal`."""
-    elevation: Floats = field(default_factory=lambda: np.empty(0))
-    """Elevation, deg."""
-    roll: Floats = field(default_factory=lambda: np.empty(0))
-    """Roll, deg."""
-
-    def at(self, time: float) -> tuple[float, float, float] | None:
-        """Return heading, elevation and roll [deg] at a time; None where the gimbal says nothing.
-
-        Args:
-            time: s from the clip's start.
-        """
-        if not len(self.time) or not self.time[0] - 1.0 <= time <= self.time[-1] + 1.0:
-            return None
-        headings, rolls = (np.degrees(np.unwrap(np.radians(angle))) for angle in (self.heading, self.roll))
-        heading, elevation, roll = (float(np.interp(time, self.time, v)) for v in (headings, self.elevation, rolls))
-        return heading % 360.0, elevation, float(wrap_azimuth(roll))
-
-
-def _container_metadata(tags: Mapping[str, str], width: int, height: int) -> PhotoMetadata:
-    """Read the metadata of a container; what cannot be read or be true counts as absent.
-
-    Args:
-        tags: by name, as PyAV has them.
-        width: pixels of the upright picture.
-        height: pixels of the upright picture.
+    `primaries` are the numbers of H.273; of a logarithm they are its own.
     """
-    location = _first_value(tags, LOCATION_TAGS, _parse_iso6709)
-    focal_length = _first_value(tags, LENS_TAGS, _positive)
-    result = _lens_and_place(focal_length, location, width, height)
-    return _with_recording_time(replace(result, heading=_first_value(tags, HEADING_TAGS, _degrees)), tags)
-
-
-def _lens_and_place(
-    focal_length: float | None, location: tuple[float, float] | None, width: int, height: int
-) -> PhotoMetadata:
-    """Metadata of a focal length [mm, as on 35 mm film] and of a latitude and longitude [deg]."""
-    latitude, longitude = location or (None, None)
-    fov = None if focal_length is None else vertical_fov_from_focal_length(focal_length, width, height)
-    return PhotoMetadata(latitude=latitude, longitude=longitude, focal_length=focal_length, vertical_fov=fov)
-
-
-def _first_value(tags: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
-    values = (_try_read(read, tags[name]) for name in names if name in tags)
-    return next((value for value in values if value is not None), None)
-
-
-def _try_read(read: Any, text: str) -> Any:
-    try:
-        return read(text)
-    except (ArithmeticError, LookupError, TypeError, ValueError):
-        return None
-
-
-def _parse_iso6709(text: str) -> tuple[float, float] | None:
-    """Latitude and longitude [deg] of ISO 6709 in decimal degrees, "+48.1173+011.5167+520/"."""
-    parts = _ISO6709.fullmatch(text.strip())
-    return None if parts is None else _valid_location(float(parts[1]), float(parts[2]))
-
-
-def _valid_location(latitude: float, longitude: float) -> tuple[float, float] | None:
-    nowhere = latitude == longitude == 0.0  # what recorders write that have no fix
-    return (latitude, longitude) if abs(latitude) <= 90 and abs(longitude) <= 180 and not nowhere else None
-
-
-def _positive(text: str) -> float | None:
-    value = float(text)
-    return value if math.isfinite(value) and value > 0 else None
-
-
-def _degrees(text: str) -> float | None:
-    value = float(text)
-    return value % 360.0 if math.isfinite(value) else None
-
-
-def _with_recording_time(result: PhotoMetadata, tags: Mapping[str, str]) -> PhotoMetadata:
-    """The same with the moment of recording: Apple's with its zone, else the container's, which is in UTC."""
-    moment = _first_value(tags, (f"{QUICKTIME}creationdate", "creation_time"), _parse_moment)
-    if moment is None:
-        return result
-    offset = moment.utcoffset().total_seconds() / 3600.0
-    return replace(result, local_time=moment.replace(tzinfo=None), utc_offset=offset)
-
-
-def _parse_moment(text: str) -> datetime | None:
-    moment = datetime.fromisoformat(text.strip())
-    aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    is_possible = max(YEAR_RANGE[0], 1904) < aware.year < YEAR_RANGE[1]  # QuickTime counts from 1904
-    return aware if is_possible else None
-
-
-def _read_subtitles(clip: Path) -> str:
-    """Read DJI's subtitle file of the same name as a clip; empty without one.
-
-    Args:
-        clip: the clip's file.
-    """
-    for suffix in (".SRT", ".srt"):
-        file = clip.with_suffix(suffix)
-        try:
-            if file.is_file() and file.stat().st_size <= MAX_SUBTITLE_BYTES:
-                return file.read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            return ""
-    return ""
-
-
-def _subtitle_metadata(text: str, width: int, height: int) -> tuple[PhotoMetadata, Gimbal]:
-    """Read the metadata of DJI's first entry and the gimbal's angles of all; other subtitles say nothing.
-
-    Args:
-        text: of the subtitle file.
-        width: pixels of the upright picture.
-        height: pixels of the upright picture.
-    """
-    entries = [entry for block in re.split(r"\r?\n\s*\r?\n", text) if (entry := _parse_entry(block))]
-    if not entries:
-        return PhotoMetadata(), Gimbal()
-    return _metadata_of_entries(entries, width, height), _make_gimbal(entries)
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """What one entry of DJI's subtitles says."""
-
-    start: float  # s
-    numbers: dict[str, float]  # by the names that DJI gives them
-    focal_length: float | None  # mm, None for a crop
-    clock: datetime | None  # local
-
-
-def _parse_entry(block: str) -> _Entry | None:
-    """What one entry says; None where it is not DJI's.
-
-    A picture that is zoomed digitally is a crop, of which the focal length says nothing.
-    """
-    start = _START_TIME.search(block)
-    texts = {name.lower(): value for name, value in _NUMBER.findall(block)}
-    numbers = {name: float(value) for name, value in texts.items()}
-    if position := _GPS_PAIR.search(block):
-        numbers["longitude"], numbers["latitude"] = float(position[1]), float(position[2])
-    if start is None or not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
-        return None
-    hours, minutes, seconds, thousandths = map(int, start.groups())
-    zoomed = numbers.get("dzoom_ratio", 1.0) not in _NO_DIGITAL_ZOOM
-    clock = _CLOCK.search(block)
-    focal_length = None if zoomed else _parse_focal_length(texts.get("focal_len", ""))
-    moment = _try_read(_parse_local_time, clock[0]) if clock else None
-    return _Entry(3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0, numbers, focal_length, moment)
-
-
-def _parse_focal_length(text: str) -> float | None:
-    """Millimetres of "24.00", of "24", and of "240", as models write it that count tenths; None for what cannot be."""
-    value = float(text or 0.0)
-    value = 0.1 * value if value >= 100.0 and "." not in text else value
-    return value if FOCAL_LENGTHS[0] <= value <= FOCAL_LENGTHS[1] else None
-
-
-def _parse_local_time(text: str) -> datetime:
-    year, month, day, hour, minute, second = map(int, re.findall(r"\d+", text))
-    return datetime(year, month, day, hour, minute, second)
-
-
-def _metadata_of_entries(entries: list[_Entry], width: int, height: int) -> PhotoMetadata:
-    location = next((p for e in entries if (p := _entry_location(e)) is not None), None)
-    return replace(_lens_and_place(entries[0].focal_length, location, width, height), local_time=entries[0].clock)
-
-
-def _entry_location(entry: _Entry) -> tuple[float, float] | None:
-    longitude = entry.numbers.get("longitude", entry.numbers.get("longtitude"))  # as some models spell it
-    if "latitude" not in entry.numbers or longitude is None:
-        return None
-    return _valid_location(entry.numbers["latitude"], longitude)
-
-
-def _make_gimbal(entries: list[_Entry]) -> Gimbal:
-    names = ("gb_yaw", "gb_pitch", "gb_roll")
-    complete = [e for e in entries if set(names) <= set(e.numbers)]
-    table = np.array([[e.start, *(e.numbers[name] for name in names)] for e in complete], dtype=np.float64)
-    if not len(table) or np.any(np.diff(table[:, 0]) <= 0) or np.any(np.abs(table[:, 1:]) > 360.0):
-        return Gimbal()
-    time, yaw, pitch, roll = table.T
-    heading = np.array([heading_from_gimbal(*angles) for angles in zip(pitch, roll, yaw, strict=True)])
-    return Gimbal(time, heading, pitch, roll)
-
-
-def _merge_metadata(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata:
-    """Merge two sources of metadata; a time or a location is taken whole.
-
-    Args:
-        first: what counts.
-        second: what counts where `first` says nothing.
-    """
-    merged = second
-    if first.local_time is not None or first.gps_time is not None:
-        merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset, gps_time=first.gps_time)
-    if first.latitude is not None:
-        merged = replace(merged, latitude=first.latitude, longitude=first.longitude)
-    if first.heading is not None:
-        merged = replace(merged, heading=first.heading, heading_reference=first.heading_reference)
-    if first.vertical_fov is not None:
-        merged = replace(merged, focal_length=first.focal_length, vertical_fov=first.vertical_fov)
-    return merged
-
-
-def _to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[np.uint8]:
-    """8-bit sRGB (..., 3) of 16-bit coded values (..., 3), as PyAV has them, under `curve`, "hlg" or "pq"."""
-    linear = _curve_table(curve).take(coded)
-    matrix = chromaticities_to_rec709(H273_CHROMATICITIES.get(primaries, CHROMATICITIES))
+    linear = _curve_table(curve, is_full_range).take(coded)
+    own = LOG_CHROMATICITIES.get(curve)
+    matrix = chromaticities_to_rec709(own or H273_CHROMATICITIES.get(primaries, CHROMATICITIES))
     return srgb_bytes(linear if matrix is None else linear @ matrix.T)
 
 
-@lru_cache(maxsize=2)
-def _curve_table(curve: Curve) -> NDArray[np.float32]:
-    return DECODE_CURVES[curve](np.minimum(np.arange(65536) / _FULL_SIGNAL, 1.0)).astype(np.float32)
+@lru_cache(maxsize=4)
+def _curve_table(curve: Curve, is_full_range: bool) -> NDArray[np.float32]:
+    """Linear values (65536,) of what libswscale makes of a signal, which fills the range whatever the file's is."""
+    signal = np.minimum(np.arange(65536) / _FULL_SIGNAL, 1.0)
+    if curve in CODE_VALUE_CURVES and not is_full_range:
+        signal = (_BLACK_CODE + (_WHITE_CODE - _BLACK_CODE) * signal) / 1023.0
+    return DECODE_CURVES[curve](signal).astype(np.float32)
 
 
 # From a decoded picture to upright sRGB.
@@ -290,6 +87,8 @@ _SCALING = {  # by the form that is asked for
     "rgb24": _AREA | _FULL_CHROMA,  # else what is reduced is 2 levels too dark
     "rgb48le": _AREA,  # exact; with both flags, 4:2:0 that keeps its width turns blue
 }
+_FULL_RANGE = 2  # of FFmpeg's numbers of color ranges
+_FILLED_FROM = 3  # pixels about a covered one, of which it is filled
 _MIN_HD_HEIGHT = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 
 
@@ -299,19 +98,65 @@ def _display_size(picture: Any, aspect: float) -> tuple[int, int]:
     return (height, width) if _swaps_axes(_display_matrix(picture)) else (width, height)
 
 
-def _upright_pixels(picture: Any, context: Any, side: int, aspect: float = 1.0) -> NDArray[np.uint8]:
-    """sRGB (h, w, 3) of a picture that a codec's context decoded, its longer side at most `side` pixels."""
+@dataclass(frozen=True, eq=False)
+class ClipForm:
+    """How a clip's pictures become frames."""
+
+    curve: Curve | None = None
+    """By which they are coded; None: as each picture says."""
+    framing: Framing = field(default_factory=Framing)
+    """What of them is the world."""
+
+    @property
+    def lettered(self) -> "ClipForm":
+        """The same with the lettering in the picture."""
+        return replace(self, framing=replace(self.framing, overlay=None))
+
+
+def _upright_pixels(
+    picture: Any, context: Any, side: int, aspect: float = 1.0, form: ClipForm | None = None
+) -> NDArray[np.uint8]:
+    """sRGB (h, w, 3) of a picture that a codec's context decoded, its longer side at most `side` pixels.
+
+    A border is cut off; without a `form` there is none.
+    """
+    form = form or ClipForm()
     width, height = max(1, round(picture.width * aspect)), picture.height
-    curve, primaries = _curve_and_primaries(picture, context)
-    pixels = _resize_picture(picture, *shrink_size(width, height, side), "rgb24" if curve is None else "rgb48le")
-    pixels = pixels if curve is None else _to_srgb(pixels, curve, primaries)
-    return _apply_display_matrix(pixels, _display_matrix(picture))
+    crop = form.framing.crop
+    if crop is not None:
+        shown = _display_size(picture, aspect)
+        left, top, right, bottom = crop.pixels(*shown)
+        side = round(side * max(shown) / max(right - left, bottom - top))
+    stated, primaries = _curve_and_primaries(picture, context)
+    curve = form.curve or stated
+    pixels = _resize_picture(picture, *shrink_size(width, height, side), "rgb24" if curve == "srgb" else "rgb48le")
+    if curve != "srgb":
+        pixels = _to_srgb(pixels, curve, primaries, is_full_range=_is_full_range(picture, context))
+    upright = _apply_display_matrix(pixels, _display_matrix(picture))
+    if crop is None:
+        return upright
+    left, top, right, bottom = crop.pixels(upright.shape[1], upright.shape[0])
+    return np.ascontiguousarray(upright[top:bottom, left:right])
 
 
-def _curve_and_primaries(picture: Any, context: Any) -> tuple[Curve | None, int]:
-    """The curve of a picture, None for sRGB, and the number of its primaries; PyAV 14 to 16 has them of the codec."""
+def _is_full_range(picture: Any, context: Any) -> bool:
+    """Whether code values fill the range, as in pictures that are not of luma and chroma."""
+    name, source = picture.format.name, picture if hasattr(picture, "color_range") else context
+    return int(source.color_range) == _FULL_RANGE or name.startswith("yuvj") or not name.startswith(("yuv", "nv", "p"))
+
+
+def _without_overlay(pixels: NDArray[np.uint8], overlay: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """A frame (h, w, 3) with what covers it filled from around."""
+    cv2 = import_opencv()
+    height, width = pixels.shape[:2]
+    mask = cv2.resize(overlay.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    return np.asarray(cv2.inpaint(pixels, mask, _FILLED_FROM, cv2.INPAINT_TELEA))
+
+
+def _curve_and_primaries(picture: Any, context: Any) -> tuple[Curve, int]:
+    """The curve of a picture by itself, and the number of its primaries; PyAV 14 to 16 has them of the codec."""
     source = picture if hasattr(picture, "color_trc") else context
-    return TRANSFER_CURVES.get(int(source.color_trc)), int(source.color_primaries)
+    return TRANSFER_CURVES.get(int(source.color_trc), "srgb"), int(source.color_primaries)
 
 
 def _display_matrix(picture: Any) -> NDArray[np.int32]:
@@ -352,6 +197,10 @@ MAX_CLIP_PIXELS = 8192 * 4608  # of a picture: what cameras call 8K
 _DURATION_TAG = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _MIN_JUMP_BACK = 3.0  # frames by which times jump back between joined recordings; less is out of order
 _MAX_TIME = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
+_SAMPLES = 10  # frames by which a border and lettering are found
+_MAX_DECODED_GAP = 1.0  # s between them that are decoded rather than skipped
+_MAX_SAMPLED_PICTURES = 400  # that are decoded for them
+_MIN_SAMPLE_LEVEL = 40  # gray levels that a frame reaches which is not black
 _MAX_MISSING_END = 0.75  # s that may be missing at the end of a whole clip
 
 _FORMATS = (  # FFmpeg's names of what is read: each keeps all it shows in its one file
@@ -385,20 +234,30 @@ class _ClipInfo:
     height: int
     frame_rate: float  # mean, 1/s; 0 unknown
     duration: float  # s, of the pictures; 0 unknown
-    curve: str  # "srgb", "hlg" or "pq"
+    curve: Curve
     metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
     gimbal: Gimbal = field(default_factory=Gimbal)
+    warnings: tuple[CodedWarning, ...] = ()  # of its form
 
 
 class Clip:
     """An open clip; a context manager. `damage` tells, once the frames are read, what of it was lost."""
 
-    def __init__(self, path: str | os.PathLike[str], side: int = FRAME_SIDE) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        side: int = FRAME_SIDE,
+        *,
+        curve: Curve | None = None,
+        form: ClipForm | None = None,
+    ) -> None:
         """Open a clip and read its first frame.
 
         Args:
             path: a file that PyAV can read.
             side: pixels of a frame's longer side, at most.
+            curve: by which the clip is coded; None: as its files say.
+            form: that of another reader of the clip, which then tells no metadata; None: found here.
 
         Raises:
             VideoError: it is no clip that can be read.
@@ -415,7 +274,8 @@ class Clip:
             self._packet_ticks = 0  # duration of the last packet, in the stream's time base
             self._pictures = self._decode()
             self._first = self._decoded_first()
-            self.info = self._describe()
+            self.form = form or ClipForm(curve)
+            self.info = self._describe() if form is None else self._shape()
         except BaseException:
             self._container.close()
             raise
@@ -449,7 +309,9 @@ class Clip:
             last, end = time, time + _picture_duration(picture, self._packet_ticks)
             if only is None or index in only:
                 with trace_step("decode"):
-                    pixels = _upright_pixels(picture, self._stream.codec_context, self.side, self._aspect)
+                    pixels = _upright_pixels(picture, self._stream.codec_context, self.side, self._aspect, self.form)
+                    if (overlay := self.form.framing.overlay) is not None:
+                        pixels = _without_overlay(pixels, overlay)
                 yield Frame(index, time, pixels)
         self._note_damage(end, lost)
 
@@ -501,15 +363,98 @@ class Clip:
             except (av.FFmpegError, ValueError):  # a codec that FFmpeg could not open is none that PyAV 19 knows
                 self._errors += 1
 
+    def _shape(self) -> _ClipInfo:
+        """What is known of the pictures alone."""
+        width, height = _display_size(self._first, self._aspect)
+        if (crop := self.form.framing.crop) is not None:
+            left, top, right, bottom = crop.pixels(width, height)
+            width, height = right - left, bottom - top
+        rate, context = float(self._stream.average_rate or 0.0), self._stream.codec_context
+        curve = self.form.curve or _curve_and_primaries(self._first, context)[0]
+        duration = _clip_duration(self._container, self._stream, float(self._first.time or 0.0))
+        return _ClipInfo(width, height, rate, duration, curve)
+
     def _describe(self) -> _ClipInfo:
-        stream, first = self._stream, self._first
-        width, height = _display_size(first, self._aspect)
-        tags = {**_readable(stream.metadata), **_readable(self._container.metadata)}
-        subtitled, gimbal = _subtitle_metadata(_read_subtitles(self.path), width, height)
-        metadata = _merge_metadata(subtitled, _container_metadata(tags, width, height))
-        rate, curve = float(stream.average_rate or 0.0), _curve_and_primaries(first, stream.codec_context)[0] or "srgb"
-        duration = _clip_duration(self._container, stream, float(first.time or 0.0))
-        return _ClipInfo(width, height, rate, duration, curve, metadata, gimbal)
+        """What is known of the clip, once its form is found."""
+        tags = {**_readable(self._stream.metadata), **_readable(self._container.metadata)}
+        subtitles, xml = self._subtitles(), read_xml(self.path)
+        log = None if self.form.curve else find_log_curve(tags, subtitles, xml)
+        self.form = ClipForm(self.form.curve if log is None else log.curve)
+        shape = self._shape()
+        samples = self._samples(shape.duration)
+        warnings = () if log is None else (log.warning,)
+        if self.form.curve is None and log is None and shape.curve == "srgb" and looks_logarithmic(samples):
+            warnings = (LOOKS_LOGARITHMIC,)
+        self.form = replace(self.form, framing=find_framing(samples, (shape.width, shape.height)))
+        shape = self._shape()
+        size = shape.width, shape.height
+        subtitled, gimbal = subtitle_metadata(subtitles, *size)
+        metadata = merge_metadata(xml_metadata(xml), container_metadata(tags, *size))
+        metadata = merge_metadata(subtitled, metadata)
+        return replace(shape, metadata=metadata, gimbal=gimbal, warnings=(*warnings, *self.form.framing.warnings))
+
+    def _subtitles(self) -> list[Subtitle]:
+        """The subtitles beside the clip, or else in it."""
+        return read_subtitles(self.path) or (_track_subtitles(self.path) if self._container.streams.subtitles else [])
+
+    def _samples(self, duration: float) -> list[NDArray[np.uint8]]:
+        """Frames from all over the clip, of the first one's size and not black."""
+        pictures = chain([self._first], _sample_pictures(self.path, duration))
+        shape = self._stream.codec_context, SAMPLE_SIDE, self._aspect, self.form
+        first, *samples = (_upright_pixels(picture, *shape) for picture in pictures)
+        return [s for s in samples if s.shape == first.shape and s.max() > _MIN_SAMPLE_LEVEL] or [first]
+
+
+def _sample_pictures(path: Path, duration: float) -> Iterator[Any]:
+    """Pictures at equal intervals over a clip of this duration [s; 0 unknown]; as many as can be read.
+
+    Near ones are reached by decoding on, far ones by way of the key frame before them.
+    """
+    import av
+
+    count = 0  # of pictures decoded
+    with suppress(av.FFmpegError, ValueError), _open_container(path) as container:
+        stream = _video_stream(container)
+        pictures, start, time = container.decode(stream), None, -1.0
+        for wanted in np.linspace(0.0, duration, _SAMPLES, endpoint=False).tolist():
+            if start is not None and wanted - time > _MAX_DECODED_GAP:
+                container.seek(round(1e6 * (start + wanted)))
+                pictures = container.decode(stream)
+            for picture in pictures:
+                count += 1
+                start = float(picture.time or 0.0) if start is None else start
+                moment = float(picture.time or 0.0) - start
+                if moment >= min(wanted, time + _MAX_DECODED_GAP) and moment > time:
+                    time = moment
+                    yield picture
+                    break
+                if count > _MAX_SAMPLED_PICTURES:
+                    return
+
+
+def _track_subtitles(path: Path) -> list[Subtitle]:
+    """The subtitles inside a clip, of all its tracks of texts; those read so far where it is damaged."""
+    import av
+
+    subtitles: list[Subtitle] = []
+    left = MAX_SUBTITLE_BYTES
+    with suppress(av.FFmpegError, ValueError), _open_container(path) as container:
+        for stream in (s for s in container.streams if s.type != "subtitle"):
+            with suppress(AttributeError):  # of older PyAV, which reads what is not wanted
+                stream.discard = type(stream.discard).all
+        for packet in container.demux(container.streams.subtitles):
+            left -= packet.size
+            if packet.pts is not None and packet.time_base and left >= 0:
+                text = _subtitle_text(bytes(packet), packet.stream.codec_context.name)
+                subtitles.append((float(packet.pts * packet.time_base), text))
+    return subtitles
+
+
+def _subtitle_text(data: bytes, codec: str) -> str:
+    """The text of a packet; that of MP4 has its length before it and may have styles behind it."""
+    if codec == "mov_text":
+        data = data[2 : 2 + int.from_bytes(data[:2], "big")]
+    return data.decode("utf-8", errors="replace")
 
 
 def local_address(path: Path) -> str:

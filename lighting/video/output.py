@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Picture
 
-from lighting.color import luminance
+from lighting.color import Curve, luminance
 from lighting.envmap.latlong import Image
 from lighting.envmap.relighting import radiance_gain, rotate_envmap, rotate_lighting, scale_exposure
 from lighting.envmap.render import add_sun, cap_map, render
@@ -62,7 +62,7 @@ from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
 from lighting.segmentation import photo_segments
 from lighting.tracing import trace_step
-from lighting.video.decode import Clip, local_address
+from lighting.video.decode import Clip, ClipForm, local_address
 from lighting.video.observation import NETWORK_INTERVAL
 from lighting.video.shot import FrameLight, Shot, analyze_shots, frame_lights, lighting_in_frame, shot_lighting
 from lighting.video.tracking import ClipMetadata
@@ -134,7 +134,11 @@ def _gain(light: FrameLight) -> float:
 
 
 def _write_film(
-    source: Path, lights: Mapping[int, FrameLight], target: Path, skies: Mapping[int, _ShotSky] | None = None
+    source: Path,
+    lights: Mapping[int, FrameLight],
+    target: Path,
+    skies: Mapping[int, _ShotSky] | None = None,
+    form: ClipForm | None = None,
 ) -> None:
     """Write a clip with its light drawn in, as H.264 in MP4; frames without a light stay as they are.
 
@@ -143,12 +147,13 @@ def _write_film(
         lights: of frames by their index.
         target: the film, replaced at the end.
         skies: what the balls show of the place, by the shots' numbers; None: sky and ground alone.
+        form: of the clip's pictures; None: found here.
 
     Raises:
         VideoError: the clip cannot be read.
         OSError: the film cannot be written.
     """
-    with Clip(source, FILM_SIDE) as clip, atomic_write(target) as temporary:
+    with Clip(source, FILM_SIDE, form=form) as clip, atomic_write(target) as temporary:
         _encode(_film_frames(clip, lights, skies or {}), clip.info.frame_rate, temporary)
 
 
@@ -244,14 +249,15 @@ def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, ta
 class _ViewReader:
     """Reads the frames that maps show; a context manager. The clip is opened at the first of them."""
 
-    def __init__(self, path: Path, model: Model) -> None:
+    def __init__(self, path: Path, model: Model, form: ClipForm) -> None:
         """Begin.
 
         Args:
             path: of the clip.
             model: the network, which tells what frames show.
+            form: of the clip's pictures.
         """
-        self._path, self._model, self._wanted = path, model, set[int]()
+        self._path, self._model, self._form, self._wanted = path, model, form, set[int]()
         self._clip: Clip | None = None
 
     def __enter__(self) -> Self:
@@ -277,7 +283,7 @@ class _ViewReader:
         if shot.view is None:
             return None
         if self._clip is None:
-            self._clip = Clip(self._path, _VIEW_SIDE)
+            self._clip = Clip(self._path, _VIEW_SIDE, form=self._form)
             self._frames = self._clip.frames(self._wanted)
         self._wanted.add(int(shot.frames[shot.view.index]))
         frame = next(self._frames, None)
@@ -469,6 +475,8 @@ class VideoJob:
     """Seconds between the frames that the network sees."""
     options: OutputOptions = field(default_factory=OutputOptions)
     """What is written."""
+    curve: Curve | None = None
+    """By which the clip is coded; None: as its files say."""
 
 
 def _shot_map(number: int) -> str:
@@ -494,7 +502,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
         OSError: a file cannot be read or written.
     """
     result, lights, kept = VideoResult(), list[FrameLight](), _Kept()
-    with Clip(job.source) as clip, _ViewReader(job.source, model) as views:
+    with Clip(job.source, curve=job.curve) as clip, _ViewReader(job.source, model, clip.form) as views:
         ClipMetadata.of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:
@@ -502,12 +510,12 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
                 result.shots.append(shot)
                 lights += _write_shot(job, shot, len(result.shots), lines, views, kept)
                 lines.flush()
-        result.damage, rate = clip.damage, clip.info.frame_rate
+        result.damage, rate, form = clip.damage, clip.info.frame_rate, clip.form.lettered
     (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
     if job.options.tool is not None:
-        result.scene_warnings = _write_scenes(job, kept.maps, rate)
+        result.scene_warnings = _write_scenes(job, kept.maps, rate, form)
     if job.options.film:
-        _write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM_FILE, kept.skies)
+        _write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM_FILE, kept.skies, form)
     _remove_old_maps(job, result, {light.frame for light in lights})
     return result
 
@@ -563,18 +571,19 @@ def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> No
         (job.folder / FRAMES_FOLDER).rmdir()
 
 
-def _write_scenes(job: VideoJob, maps: dict[int, _KeptMap], rate: float) -> dict[int, tuple[str, ...]]:
+def _write_scenes(job: VideoJob, maps: dict[int, _KeptMap], rate: float, form: ClipForm) -> dict[int, tuple[str, ...]]:
     """Write a scene a shot; their warnings by the shots' numbers."""
     assert job.options.tool is not None
     warnings = dict[int, tuple[str, ...]]()
     first = {int(kept.shot_map.shot.frames[0]): number for number, kept in maps.items()}
-    with Clip(job.source, MAX_PLATE_SIDE) as clip:
+    shown = str(job.source) if form.framing.crop is None else ""  # with its border it would not lie behind the camera
+    with Clip(job.source, MAX_PLATE_SIDE, form=form) as clip:
         for frame in clip.frames(first):
             number = first[frame.index]
             folder = job.folder / f"shot-{number}-{job.options.tool}"
             shot_map = maps.pop(number).unpack()
             with trace_step("encode"):
-                warnings[number] = _write_scene(shot_map, frame.pixels, job.options, folder, str(job.source), rate)
+                warnings[number] = _write_scene(shot_map, frame.pixels, job.options, folder, shown, rate)
     return warnings
 
 
@@ -583,8 +592,8 @@ def _write_scene(
 ) -> tuple[str, ...]:
     """Write a shot's scene to a folder, replacing a scene that is there; the scene's warnings.
 
-    `plate` (h, w, 3) is the shot's first frame, `clip` the file's name. Raises SceneError where it cannot be written,
-    and for a tool whose cameras stand still.
+    `plate` (h, w, 3) is the shot's first frame, `clip` the file's name; without it the plate stands. Raises SceneError
+    where it cannot be written, and for a tool whose cameras stand still.
     """
     tool = options.tool
     animate = EXPORTERS[tool].animate if tool in EXPORTERS else None
@@ -601,7 +610,7 @@ def _write_scene(
     rate = frame_rate or 30.0
     matrices, focal_lengths = _camera_matrices(shot, scene), scene.focal_length * shot.zoom
     frames, first_frame = (shot.path.time - shot.path.time[0]) * rate, int(shot.frames[0])
-    motion = CameraMotion(matrices, focal_lengths, frames, rate, first_frame, os.path.relpath(clip, folder))
+    motion = CameraMotion(matrices, focal_lengths, frames, rate, first_frame, clip and os.path.relpath(clip, folder))
     for name, text in animate(motion).items():
         with atomic_write(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8")

@@ -42,7 +42,7 @@ from lighting.registration.rotations import (
     rotation_vector,
 )
 from lighting.sun_grid import circular_mean
-from lighting.video.decode import Clip, Gimbal
+from lighting.video.decode import Clip
 from lighting.video.intrinsics import (
     MAX_FOV_STDS,
     MIN_ZOOMED_FRAMES,
@@ -53,6 +53,7 @@ from lighting.video.intrinsics import (
     remove_zoom,
     smooth_parabolic,
 )
+from lighting.video.metadata import Gimbal
 from lighting.video.observation import NETWORK_INTERVAL, FrameObservation, ShotLight, observe_shots
 from lighting.video.tracking import (
     GAP_KEYFRAMES,
@@ -404,7 +405,7 @@ def _light_shot(
             light.add(FrameObservation(estimate, float(path.heading[i]), frame_fov, gain, priors[frame].observations))
     if night := [float(path.time[position[frame]]) for frame in priors if frame not in by_day]:
         first = replace(first, warnings=(*first.warnings, _NIGHT_FALLS.format(min(night))))
-    first = replace(first, warnings=(*first.warnings, *warnings))
+    first = replace(first, warnings=(*clip_metadata.warnings, *first.warnings, *warnings))
     posterior = light.answer(first.observations)
     posterior = replace(posterior, prediction=replace(posterior.prediction, vertical_fov=fov))
     frames, north = np.array([step.frame for step in tracked.steps]), estimate_north(posterior, first)

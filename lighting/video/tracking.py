@@ -39,7 +39,8 @@ from lighting.registration.two_view import (
     resize_to,
     to_centered,
 )
-from lighting.video.decode import Clip, Frame, Gimbal
+from lighting.video.decode import Clip, Frame
+from lighting.video.metadata import Gimbal
 
 MAX_POINTS = 200  # sought in a keyframe
 MIN_POINTS = 24  # followed, below which a frame counts as lost
@@ -369,6 +370,8 @@ class ClipMetadata:
     """What the user states of the clip."""
     subject: str = "clip"
     """What warnings call it."""
+    warnings: tuple[str, ...] = ()
+    """Sentences about its pictures."""
 
     @classmethod
     def of_clip(cls, clip: Clip, user_input: UserInput) -> Self:
@@ -379,8 +382,8 @@ class ClipMetadata:
             user_input: of its first frame; may forbid the clip's own metadata.
         """
         if not user_input.metadata:
-            return cls(user_input=user_input)
-        return cls(clip.info.metadata, clip.info.gimbal, user_input)
+            return cls(user_input=user_input, warnings=clip.info.warnings)
+        return cls(clip.info.metadata, clip.info.gimbal, user_input, warnings=clip.info.warnings)
 
     @property
     def vertical_fov(self) -> float | None:

@@ -1,6 +1,7 @@
 """What tests need beyond the extra `test`: what is missing skips them, and the run ends with a table of it.
 
-A test names what it needs by `@pytest.mark.needs(NAME, ...)` or `require(NAME)`. An import that fails for want of a
+A test names what it needs by `@pytest.mark.needs(NAME, ...)` or `require(NAME)`. One that is marked as thorough needs
+time: others in the quick run check nearly the same. An import that fails for want of a
 module, or of a library of the system, needs no such word: it skips the test, or all tests of a file.
 """
 
@@ -127,6 +128,7 @@ REQUIREMENTS = {
     **_node_modules("server/web"),
     **_node_modules("tests/node"),
     "llvm": Requirement("LLVM", _find_llvm, "apt install libllvm19"),
+    "time": Requirement("time", partial(os.environ.get, "THOROUGH"), "THOROUGH=1 python -m pytest -m thorough"),
     "blender": Requirement("Blender", _find_blender, "BLENDER_PYTHON=python with bpy"),
     "engines": Requirement("Godot", _find_engines, "LIGHTING_ENGINES=chroot by scripts/engines.sh, as root"),
 }
@@ -181,6 +183,8 @@ def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, A
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup(item: pytest.Item) -> Generator[None, None, None]:
+    if item.get_closest_marker("thorough"):
+        require("time")
     for mark in item.iter_markers("needs"):
         for name in mark.args:
             require(name)

@@ -1,6 +1,7 @@
 """Tests of color."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -23,6 +24,61 @@ from lighting.files.exr import read_exr
 
 ACESCG = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
 ACES = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
+
+
+# Reflectance, and the 10-bit code value, or for DJI, Apple and ARRI the signal, that the papers of the makers have.
+ANCHORS: dict[color.Curve, list[tuple[float, float]]] = {
+    "d-log": [(0.0, 0.0929), (0.18, 0.3988)],
+    "s-log3": [(0.0, 95 / 1023), (0.18, 420 / 1023), (0.9, 598 / 1023)],
+    "v-log": [(0.0, 128 / 1023), (0.18, 433 / 1023), (0.9, 602 / 1023)],
+    "c-log3": [(0.0, 128 / 1023), (0.18, 351 / 1023)],
+    "n-log": [(0.18, 372 / 1023)],
+    "f-log2": [(0.0, 95 / 1023), (0.18, 400 / 1023), (0.9, 570 / 1023)],
+    "apple-log": [(0.0, 0.150477), (0.18, 0.488272)],
+    "logc3": [(0.18, 400 / 1023)],
+    "logc4": [(0.0, 95 / 1023), (0.18, 0.2784)],
+}
+IN_OCIO: dict[color.Curve, str] = {
+    "s-log3": "SONY_SLOG3-SGAMUT3.CINE_to_ACES2065-1",
+    "v-log": "PANASONIC_VLOG-VGAMUT_to_ACES2065-1",
+    "c-log3": "CANON_CLOG3-CGAMUT_to_ACES2065-1",
+    "apple-log": "APPLE_LOG_to_ACES2065-1",
+    "logc3": "ARRI_ALEXA-LOGC-EI800-AWG_to_ACES2065-1",
+    "logc4": "ARRI_LOGC4_to_ACES2065-1",
+}
+
+
+def test_logarithms_have_the_code_values_of_their_makers() -> None:
+    assert set(ANCHORS) == set(color.LOG_CHROMATICITIES)
+    for curve, anchors in ANCHORS.items():
+        reflectance, signal = np.array(anchors).T
+        np.testing.assert_allclose(color.DECODE_CURVES[curve](signal), reflectance, atol=0.003, err_msg=curve)
+
+
+@pytest.mark.parametrize("curve", ANCHORS)
+def test_a_logarithm_rises_without_a_step(curve: color.Curve) -> None:
+    signal = np.linspace(0.0, 1.0, 4001)
+    steps = np.diff(color.DECODE_CURVES[curve](signal))
+    assert steps.min() > 0.0
+    assert np.all(steps[1:] < 1.2 * steps[:-1] + 5e-4)
+
+
+@pytest.mark.parametrize("curve", IN_OCIO)
+def test_logarithms_and_their_colors_are_those_of_opencolorio(curve: color.Curve) -> None:
+    """It adapts whites by CAT02, and this package by Bradford's matrix: hence the tolerance."""
+    Ocio: Any = pytest.importorskip("PyOpenColorIO")
+    signals = np.random.default_rng(0).uniform(0.2, 0.6, (200, 3)).astype(np.float32)
+    transform = Ocio.BuiltinTransform(style=IN_OCIO[curve])
+    aces = signals.copy()
+    Ocio.Config.CreateRaw().getProcessor(transform).getDefaultCPUProcessor().applyRGB(aces)
+    to_rec709 = chromaticities_to_rec709(ACES)
+    own = chromaticities_to_rec709(color.LOG_CHROMATICITIES[curve])
+    assert to_rec709 is not None
+    assert own is not None
+    expected = aces @ to_rec709.T
+    np.testing.assert_allclose(
+        color.DECODE_CURVES[curve](signals) @ own.T, expected, rtol=0.02, atol=0.02 * expected.max()
+    )
 
 
 def test_acescg_has_the_matrix_that_others_print() -> None:

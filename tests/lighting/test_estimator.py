@@ -15,8 +15,8 @@ from lighting import estimator
 from lighting import model as model_module
 from lighting.decoding import blend_to_clear_sun, lighting_from_prediction
 from lighting.errors import ModelError, ParameterError, PhotoError
-from lighting.estimator import Estimator, _view, apply_photo_colors, estimate
-from lighting.fusion.estimate import _unsuitable_warnings
+from lighting.estimator import Estimator, _view, estimate
+from lighting.fusion.estimate import _unsuitable_warnings, apply_photo_colors
 from lighting.fusion.single_view import Gravity, Observations
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import angle_between, direction

@@ -8,7 +8,6 @@ from dataclasses import fields
 import pytest
 
 import lighting
-from lighting.envmap.relighting import Adjustments
 from lighting.fields import (
     COLOR_RANGES,
     OPTIONAL_RANGES,
@@ -21,6 +20,7 @@ from lighting.fields import (
     format_tilt,
 )
 from lighting.light_probe import LightProbe, MainLight
+from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop, PhotoOrigin
 from lighting.records import EstimatedLight, Light, Lighting, ModelSpec, Prediction, SunDistribution, SunEstimate

@@ -100,7 +100,7 @@ def test_a_turned_probe_is_that_of_the_turned_light() -> None:
 
 
 def test_another_sky_has_another_probe() -> None:
-    overcast = compute_light_probe(LIGHT, sky="cie-overcast")
+    overcast = compute_light_probe(replace(LIGHT, sky_painted="cie-overcast"))
     assert overcast.coefficients[[2, 3, 4, 5, 7]] == pytest.approx(0, abs=1e-4)  # it has no azimuth
 
 

@@ -11,7 +11,7 @@ import pytest
 from starlette.testclient import TestClient
 
 import lighting
-import lighting.envmap.surroundings as surroundings
+import lighting.envmap.detail_library as detail_library
 from lighting.batch.job import BatchJob, MapOutput, estimate_or_error, load_worker_estimator
 from lighting.estimator import Estimator, render_lighting
 from lighting.files.exr import read_exr_attributes
@@ -96,13 +96,13 @@ BACKDROPS = ("wide_street", "snow_field", "brick_street", "lake_clouds", "beach_
 def test_every_door_shows_the_same_place(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Map, preview and scene of a command, a batch, the service and Python take their detail from one place."""
     photo, chosen = EXAMPLES / f"{name}.jpg", list[object]()
-    make = surroundings.detail_library.LibraryDetail
+    make = detail_library.LibraryDetail
 
-    def watch(source: object, height: int) -> object:
+    def watch(source: detail_library.DetailSource, height: int) -> detail_library.LibraryDetail:
         chosen.append(source)
-        return make(source, height)  # type: ignore[arg-type]
+        return make(source, height)
 
-    monkeypatch.setattr(surroundings.detail_library, "LibraryDetail", watch)
+    monkeypatch.setattr(detail_library, "LibraryDetail", watch)
     answer = lighting.estimate(photo)
     answer.envmap(64)
     answer.envmap(1024)

@@ -1,11 +1,8 @@
-"""The number of CPUs and threads, and what helper processes may do."""
+"""The number of CPUs and threads, and helper processes."""
 
-import ctypes
 import os
-import socket
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import threadpoolctl
@@ -23,118 +20,6 @@ def test_elsewhere_all_count(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
     monkeypatch.setattr(os, "cpu_count", lambda: None)
     assert available_cpus() == 1
-
-
-PROBE = """
-import ctypes, os, resource, socket, sys, _thread
-import lighting.runtime as runtime
-if {drop}:
-    os.setgroups([]), os.setgid(65534), os.setuid(65534)
-if {without} == "landlock":
-    runtime._restrict_by_landlock = lambda library: None
-if {without} == "filter":
-    runtime._filter_calls = lambda library, machine: None
-runtime.confine_process()
-def attempt(act):
-    try:
-        act()
-        return "works"
-    except (OSError, ValueError):
-        return "denied"
-parent = os.getppid()
-def trace():
-    if ctypes.CDLL(None).ptrace(16, parent, 0, 0) != 0:
-        raise OSError
-def fork():
-    if os.fork() == 0:
-        os._exit(0)
-probes = {{
-    "read": lambda: open(os.devnull),
-    "write": lambda: open("{folder}/new", "w"),
-    "secrets": lambda: open(f"/proc/{{parent}}/environ"),
-    "tcp": lambda: socket.create_connection(("127.0.0.1", {port})),
-    "udp": lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM),
-    "pair": socket.socketpair,
-    "program": lambda: os.execv("/bin/true", ["true"]),
-    "process": fork,
-    "signal": lambda: os.kill(parent, 0),
-    "trace": trace,
-    "raised": lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (9, 9)),
-    "thread": lambda: _thread.start_new_thread(int, ()),
-}}
-for name, act in probes.items():
-    print(name, attempt(act))
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux's")
-@pytest.mark.parametrize("drop", [False, True])
-@pytest.mark.parametrize("without", ["", "landlock", "filter"])
-def test_what_a_confined_process_cannot_do(tmp_path: Path, drop: bool, without: str) -> None:
-    """Each of the two does most of it without the other, for kernels that lack one."""
-    if drop and os.getuid():
-        pytest.skip("nobody but root can become another user")
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        code = PROBE.format(drop=drop, without=repr(without), folder=tmp_path, port=server.getsockname()[1])
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
-    found = dict(line.split() for line in done.stdout.splitlines())
-    assert len(found) == 12, done.stderr
-    works = {name for name, outcome in found.items() if outcome == "works"}
-    allowed = {"thread"}  # a decoder of HEIC starts one
-    allowed |= set() if drop or os.getuid() else {"raised"}  # a superuser's own limits
-    allowed |= {"process"} if without == "filter" else set()
-    assert works <= allowed
-
-
-CONFINED_TO_FOLDER = """
-import os, socket, sys
-from pathlib import Path
-import lighting.runtime as runtime
-folder = Path({folder!r})
-runtime.confine_to_folder(folder / "job", [folder / "model"], processes={processes})
-def attempt(act):
-    try:
-        act()
-        return "works"
-    except OSError:
-        return "denied"
-def change():
-    (folder / "job" / "new").mkdir()
-    (folder / "job" / "new" / "a").write_text("x")
-    (folder / "job" / "new" / "a").replace(folder / "job" / "new" / "b")
-    (folder / "job" / "new" / "b").unlink()
-    (folder / "job" / "new").rmdir()
-probes = {{
-    "change": change,
-    "model": lambda: (folder / "model").read_bytes(),
-    "module": lambda: __import__("lighting.stereo.solver"),
-    "write model": lambda: (folder / "model").write_bytes(b"y"),
-    "read beside": lambda: (folder / "secret").read_bytes(),
-    "write beside": lambda: (folder / "other").write_bytes(b"y"),
-    "passwords": lambda: Path("/etc/passwd").read_bytes(),
-    "secrets": lambda: Path(f"/proc/{{os.getppid()}}/environ").read_bytes(),
-    "network": socket.socket,
-    "signal": lambda: os.kill(os.getppid(), 0),
-    "program": lambda: os.waitpid(os.posix_spawn(sys.executable, [sys.executable, "-c", ""], {{}}), 0),
-}}
-for name, act in probes.items():
-    print(attempt(act), name)
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="Landlock's")
-@pytest.mark.parametrize("processes", [False, True])
-def test_what_a_process_confined_to_a_folder_can_do(tmp_path: Path, processes: bool) -> None:
-    if ctypes.CDLL(None).syscall(444, None, ctypes.c_size_t(0), 1) < 1:
-        pytest.skip("this kernel's Landlock is switched off")
-    (tmp_path / "job").mkdir()
-    for name in ("model", "secret"):
-        (tmp_path / name).write_text("x")
-    code = CONFINED_TO_FOLDER.format(folder=str(tmp_path), processes=processes)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
-    works = {line.removeprefix("works ") for line in done.stdout.splitlines() if line.startswith("works ")}
-    assert works == {"change", "model", "module"} | ({"program"} if processes else set()), done
-    assert len(done.stdout.splitlines()) == 11
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

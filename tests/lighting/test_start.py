@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-import lighting.start as start_module
 from lighting.errors import ModelError
 from lighting.model import Model, packaged_model
 from lighting.onnx_session import packaged_network
@@ -60,7 +59,7 @@ def test_the_network_of_one_photo_is_loaded_once(command: str) -> None:
 def test_what_keeps_the_network_from_loading_is_said_when_it_is_needed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(start_module, "_DATA", tmp_path)
+    monkeypatch.setattr("lighting.checksum.DATA_FOLDER", tmp_path)
     assert start_network("estimate") is None
     with pytest.raises(ModelError, match="it holds 0"):
         packaged_network(tmp_path, "outdoor")

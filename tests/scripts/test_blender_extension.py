@@ -22,9 +22,10 @@ import numpy as np
 import pytest
 
 from lighting.batch.results import PHOTO_SUFFIXES
-from lighting.envmap.relighting import Adjustments, adjust_lighting
-from lighting.envmap.render import render, sun_irradiance
+from lighting.envmap.relighting import adjust_lighting
+from lighting.envmap.render import render, sun_light
 from lighting.estimator import Estimator
+from lighting.map_options import Adjustments
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting
 from lighting.scene.records import make_scene
@@ -109,7 +110,7 @@ def test_its_sky_and_sun_are_those_of_the_library(unpacked: str) -> None:
     np.testing.assert_array_equal(image[..., :3], render(ours, skies.HEIGHT, sun=True, disc=False))
     assert (image[..., 3] == 1).all()
     sun = skies.sun(light, shines=True)
-    assert np.array(sun["colour"]) * sun["irradiance"] == pytest.approx(sun_irradiance(ours))
+    assert np.array(sun["colour"]) * sun["irradiance"] == pytest.approx(sun_light(ours)[0])
     assert skies.sun(light, shines=False)["irradiance"] == 0
 
 
@@ -353,7 +354,7 @@ def check_report(printed: str) -> dict[str, Any]:
     assert stated.sky_irradiance is not None
     azimuth, elevation, haze, exposure = moved["sliders"]
     light = adjust_lighting(stated, Adjustments((azimuth, elevation), exposure, haze))
-    assert moved["energy"] == pytest.approx(float(sun_irradiance(light).max()), rel=1e-4)
+    assert moved["energy"] == pytest.approx(float(sun_light(light)[0].max()), rel=1e-4)
     assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
     assert reset.pop("sun") == pytest.approx(first.pop("sun"), abs=1e-6)
     assert reset == first

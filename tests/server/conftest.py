@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import urlencode, urljoin
 
 import anyio
 import pytest
@@ -169,10 +169,10 @@ def pack(**files: bytes) -> bytes:
 
 
 def wait(client: TestClient, address: str) -> dict[str, Any]:
-    """The record of a job that has ended."""
+    """The record of a job that has ended, by its `Location`."""
     deadline = time.monotonic() + 300
     while True:
-        answer = client.get(address)
+        answer = client.get(urljoin("/v1/jobs", address))
         record: dict[str, Any] = answer.json()
         if record["state"] in ("finished", "failed"):
             assert "retry-after" not in answer.headers

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from urllib.parse import urljoin
 
 import pytest
 from PIL import Image
@@ -29,7 +30,11 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 QUERY = "sun_azimuth=10&sun_elevation=30&turbidity=3&exposure=0.02"
 LARGE_MAP = f"GET /v1/envmap?{QUERY}&height=1024&compression=none HTTP/1.1\r\nHost: x\r\n\r\n".encode()  # 25 MB
-ENDING = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
+each_signal = pytest.mark.parametrize(
+    "sign",
+    [signal.SIGTERM, *(pytest.param(s, marks=pytest.mark.thorough) for s in (signal.SIGINT, signal.SIGHUP))],
+    ids=lambda sign: sign.name,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -139,16 +144,16 @@ def test_a_slow_upload_is_408_and_harms_nobody(network: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_photo_that_takes_too_long_is_413_and_the_next_one_is_read(network: Path) -> None:
-    with started(network, concurrency=1, decode_seconds=0.1) as server:
+def test_a_photo_that_takes_too_long_is_413_and_otherwise_it_is_read(network: Path, server: Server) -> None:
+    with started(network, concurrency=1, decode_seconds=0.1) as hasty:
         large = encode(Image.fromarray(scene(50, 40)).resize((5000, 4000)), "PNG", compress_level=1)
-        status, body = server.request("POST", "/v1/lighting", large, "image/png")
+        status, body = hasty.request("POST", "/v1/lighting", large, "image/png")
         assert (status, json.loads(body)["detail"]) == (413, "The photo takes longer than 0.1 seconds to decode.")
-    with started(network, concurrency=1) as server:
-        assert server.request("POST", "/v1/lighting", large, "image/png")[0] == 200
+    assert server.request("POST", "/v1/lighting", large, "image/png")[0] == 200
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_66_slow_uploads_from_one_address_leave_the_others_alone(network: Path) -> None:
     allowed = Settings().uploads_per_client
     with started(network) as server:
@@ -186,7 +191,7 @@ def held(decoder: int) -> Iterator[None]:
 
 @pytest.mark.slow
 @linux
-@pytest.mark.parametrize("sign", ENDING, ids=lambda sign: sign.name)
+@each_signal
 def test_what_ends_all_processes_together_lets_the_running_photo_end_well(network: Path, sign: signal.Signals) -> None:
     """As a terminal that closes and a service manager send their signals."""
     with started(network, concurrency=1) as server:
@@ -205,7 +210,7 @@ def test_what_ends_all_processes_together_lets_the_running_photo_end_well(networ
 
 @pytest.mark.slow
 @linux
-@pytest.mark.parametrize("sign", ENDING, ids=lambda sign: sign.name)
+@each_signal
 def test_a_step_that_takes_longer_than_a_shutdown_does_not_hold_it(network: Path, sign: signal.Signals) -> None:
     with started(network, concurrency=1, shutdown_seconds=1, decode_seconds=60) as server, held(*server.decoders()):
         connection = server.send(PHOTO)
@@ -218,12 +223,12 @@ def test_a_step_that_takes_longer_than_a_shutdown_does_not_hold_it(network: Path
 
 @pytest.mark.slow
 @linux
-@pytest.mark.parametrize("first", ENDING, ids=lambda sign: sign.name)
-def test_a_sigint_in_a_shutdown_ends_it_at_once(network: Path, first: signal.Signals) -> None:
+@each_signal
+def test_a_sigint_in_a_shutdown_ends_it_at_once(network: Path, sign: signal.Signals) -> None:
     with started(network, concurrency=1, shutdown_seconds=60, decode_seconds=60) as server, held(*server.decoders()):
         with server.send(PHOTO):
             server.until("lighting_running", 1)
-            server.process.send_signal(first)
+            server.process.send_signal(sign)
             server.until_logged("Shutting down")
             server.process.send_signal(signal.SIGINT)
             assert server.process.wait(20) == -signal.SIGINT
@@ -353,11 +358,19 @@ def test_a_process_that_cannot_start_ends_with_the_sentence_alone() -> None:
 
 
 @pytest.mark.slow
-def test_links_name_the_path_that_a_proxy_took_away(network: Path) -> None:
-    with started(network, concurrency=1, root_path="/tools/light") as server:
+@pytest.mark.parametrize("root", ["", "/tools/light"])
+def test_links_lead_to_the_map_below_the_path_that_a_proxy_took_away(network: Path, root: str) -> None:
+    """Whether or not the service knows that path."""
+    with started(network, concurrency=1, root_path=root) as server:
         link = json.loads(server.request("POST", "/v1/lighting", PHOTO)[1])["links"]["envmap"]
-        assert link.startswith("/tools/light/v1/envmap?")
-        assert server.request("GET", link.removeprefix("/tools/light") + "&height=16")[0] == 200
+        outside = urljoin("https://example.org/tools/light/v1/lighting", link)
+        assert outside.startswith("https://example.org/tools/light/v1/envmap?")
+        assert server.request("GET", outside.removeprefix("https://example.org/tools/light") + "&height=16")[0] == 200
+
+
+@pytest.mark.slow
+def test_the_service_names_the_path_that_a_proxy_took_away(network: Path) -> None:
+    with started(network, concurrency=1, root_path="/tools/light") as server:
         assert json.loads(server.request("GET", "/openapi.json")[1])["servers"][0]["url"] == "/tools/light"
         assert json.loads(server.request("GET", "/nowhere")[1])["instance"] == "/tools/light/nowhere"
         assert server.request("GET", "/")[0] == server.request("GET", "/favicon.ico")[0] == 200
@@ -365,7 +378,7 @@ def test_links_name_the_path_that_a_proxy_took_away(network: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", ["2", "auto"])
+@pytest.mark.parametrize("workers", ["2", pytest.param("auto", marks=pytest.mark.thorough)])
 def test_it_starts_where_a_host_says_how_many_processes_a_service_may_have(
     network: Path, monkeypatch: pytest.MonkeyPatch, workers: str
 ) -> None:
@@ -422,6 +435,7 @@ def test_nothing_imports_numpy_before() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs glibc's mallopt")
+@pytest.mark.thorough
 def test_the_buffers_of_photos_stay_with_the_process() -> None:
     """Of 20 buffers of 8 MB."""
     assert int(run(KEPT, "prepared")) > 120

@@ -12,6 +12,7 @@ from contextlib import AsyncExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from urllib.parse import urljoin
 
 import anyio
 import numpy as np
@@ -63,13 +64,13 @@ def test_photos_become_a_zip_that_is_kept_until_it_is_deleted(client: TestClient
     upload = pack(**{"day/a.jpg": encode(scene(64, 48)), "day/b.jpg": encode(scene(48, 64)), "day/c.jpg": b"no photo"})
     answer = submit(client, upload, kind="photos", envmap="true", height=16, sun="40,25")
     assert answer.status_code == 202, answer.text
-    address = answer.headers["location"]
-    assert answer.json()["links"] == {"self": address}
+    address = urljoin("/v1/jobs", answer.headers["location"])
+    assert answer.json()["links"] == {"self": answer.headers["location"]}
     assert problem(client.get(f"{address}/result"), 409, "no-result")["detail"].startswith("The job is ")
     record = wait(client, address)
     assert (record["state"], record["progress"], record["kind"]) == ("finished", 1.0, "photos")
     assert record["warnings"] == ["1 of 3 photos cannot be read; lighting.jsonl says why."]
-    result = client.get(record["links"]["result"])
+    result = client.get(urljoin("/v1/jobs/", record["links"]["result"]))
     assert (result.status_code, result.headers["content-type"]) == (200, "application/zip")
     with zipfile.ZipFile(io.BytesIO(result.content)) as archive:
         assert {"lighting.jsonl", "day/a.jpg.exr", "day/b.jpg.exr"} <= set(archive.namelist())
@@ -92,7 +93,7 @@ def test_a_clip_becomes_records_and_a_map(client: TestClient, tmp_path: Path) ->
     write_clip(clip := tmp_path / "clip.mp4", pan(8))
     record = wait(client, submit(client, clip.read_bytes(), "clip.mp4", kind="video", height=16).headers["location"])
     assert record["state"] == "finished", record
-    with zipfile.ZipFile(io.BytesIO(client.get(record["links"]["result"]).content)) as archive:
+    with zipfile.ZipFile(io.BytesIO(client.get(urljoin("/v1/jobs/", record["links"]["result"])).content)) as archive:
         assert set(archive.namelist()) == {"lighting.jsonl", "shot-1.exr"}
         assert json.loads(archive.read("lighting.jsonl").splitlines()[0])["file"] == "upload.mp4"  # no folder's name
 
@@ -110,7 +111,7 @@ def test_the_photos_of_a_day_become_normals(client: TestClient, tmp_path: Path) 
     answer = submit(client, upload, kind="normals", latitude=47, longitude=0, heading=20)
     record = wait(client, answer.headers["location"])
     assert record["state"] == "finished", record
-    with zipfile.ZipFile(io.BytesIO(client.get(record["links"]["result"]).content)) as archive:
+    with zipfile.ZipFile(io.BytesIO(client.get(urljoin("/v1/jobs/", record["links"]["result"])).content)) as archive:
         assert {"normals_camera.png", "mesh.ply", "normals.json"} <= set(archive.namelist())
         assert abs(json.loads(archive.read("normals.json"))["turbidity"] - 3) < 0.5  # of the sky that was drawn
 
@@ -122,7 +123,9 @@ def test_a_job_at_work_waits_for_the_next_start_when_the_service_shuts_down(
     write_clip(clip := tmp_path / "clip.mp4", pan(45))
     settings = Settings(jobs_folder=folder, model=network)
     with TestClient(create_app(settings, estimator), raise_server_exceptions=False) as client:
-        address = submit(client, clip.read_bytes(), "a.mp4", kind="video", height=16).headers["location"]
+        address = urljoin(
+            "/v1/jobs", submit(client, clip.read_bytes(), "a.mp4", kind="video", height=16).headers["location"]
+        )
         while client.get(address).json()["state"] == "queued":
             time.sleep(0.05)
     (record,) = folder.glob("*/*/job.json")
@@ -161,8 +164,8 @@ def test_what_a_request_may_ask_is_checked_before_it_is_a_job(client: TestClient
         ({"kind": "normals", "time": "2024-06-01T12:00Z"}, "time", "goes with kind=video"),
         ({"kind": "photos", "height": "15"}, "height", "16"),
         ({"kind": "photos", "exposure": "1"}, "exposure", "goes with envmap=true"),
-        ({"kind": "photos", "detail": "false"}, "detail", "goes with envmap=true"),
-        ({"kind": "normals", "detail": "false"}, "detail", "goes with kind=video or photos"),
+        ({"kind": "photos", "detail": "false"}, "around", "goes with envmap=true"),
+        ({"kind": "normals", "detail": "false"}, "around", "goes with kind=video or photos"),
         ({"kind": "normals", "sun": "40,25"}, "sun", "goes with kind=video or photos"),
     ):
         (error,) = problem(submit(client, upload, **fields), 422, "invalid")["errors"]
@@ -541,7 +544,7 @@ def test_a_system_that_starts_no_process_is_told(
     monkeypatch.setattr(jobs, "start_python", fail)
     monkeypatch.setattr(jobs, "_PAUSE_SECONDS", 0.5)
     with TestClient(create_app(Settings(jobs_folder=folder), estimator), raise_server_exceptions=False) as client:
-        address = submit(client, b"x", kind="photos").headers["location"]
+        address = urljoin("/v1/jobs", submit(client, b"x", kind="photos").headers["location"])
         while (answer := client.get("/readyz")).status_code == 200:
             time.sleep(0.02)
         told = problem(answer, 503, "busy")["detail"]
@@ -574,7 +577,7 @@ def test_a_job_that_takes_too_long_or_is_deleted_is_stopped(
         assert (record["state"], record["error"]) == ("failed", "The job took longer than it may.")
     app = create_app(Settings(jobs_folder=folder, model=network), estimator)
     with TestClient(app, raise_server_exceptions=False) as client:
-        address = submit(client, clip.read_bytes(), "a.mp4", kind="video").headers["location"]
+        address = urljoin("/v1/jobs", submit(client, clip.read_bytes(), "a.mp4", kind="video").headers["location"])
         while client.get(address).json()["state"] == "queued":
             time.sleep(0.05)
         assert client.delete(address).status_code == 204

@@ -98,6 +98,8 @@ def test_a_height_must_be_even_and_in_range(client: TestClient, value: str, word
         ({"sun": ""}, "must be true or false"),
         ({"yaws": "3"}, "is not known here; did you mean yaw?"),
         ({"sun_elevaton": "3"}, "is not known here; did you mean sun_elevation?"),
+        ({"width": "1024"}, "is not known here; did you mean height?"),
+        ({"rotation": "90"}, "is not known here; did you mean yaw?"),
         ({"x": "3"}, "is not known here"),
         ({"y" * 9000: "3"}, "is not known here"),
     ],
@@ -106,6 +108,12 @@ def test_unknown_names_and_words_are_422(client: TestClient, query: dict[str, st
     (error,) = problem(client.get("/v1/envmap", params={**SKY, **query}), 422, "invalid")["errors"]
     assert error["field"] in query
     assert error["detail"] == words
+
+
+def test_a_sun_of_one_number_is_told_the_second(client: TestClient, jpeg: bytes) -> None:
+    answer = client.post("/v1/envmap?sun=40", content=jpeg, headers={"Content-Type": "image/jpeg"})
+    (error,) = problem(answer, 422, "invalid")["errors"]
+    assert error["detail"] == "must be true, false, or AZIMUTH,ELEVATION in degrees such as 40,25"
 
 
 def test_a_choice_that_is_missing_is_told_with_its_values(client: TestClient) -> None:
@@ -117,6 +125,10 @@ def test_a_choice_that_is_missing_is_told_with_its_values(client: TestClient) ->
 @pytest.mark.parametrize(
     ("path", "words"),
     [
+        ("/v1/estimate", "There is no such route. Did you mean POST /v1/lighting? GET /docs lists all."),
+        ("/estimate", "There is no such route. Did you mean POST /v1/lighting? GET /docs lists all."),
+        ("/health", "There is no such route. Did you mean GET /livez? GET /docs lists all."),
+        ("/v1/hdri", "There is no such route. Did you mean POST /v1/envmap? GET /docs lists all."),
         ("/v1/lightning", "There is no such route. Did you mean /v1/lighting? GET /docs lists all."),
         ("/v1/lightings/", "There is no such route. Did you mean /v1/lightings? GET /docs lists all."),
         ("/v1/enviromap", "There is no such route. Did you mean /v1/envmap? GET /docs lists all."),

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qs, urljoin, urlsplit
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
-from server.responses import _envmap_link, _sun_probability, estimate_to_json, is_fresh
+from server.responses import _sun_probability, estimate_to_json, is_fresh
 from server.routes import _read_accuracy
 from server.schemas import LightingEstimate, ModelCard
 from tests.conftest import TINY
@@ -28,6 +28,7 @@ from tests.conftest import TINY
 GRID = "fibonacci:64"
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)
 ANSWERS_SUN = SunDistribution(GRID, np.full(64, 1 / 64, dtype=np.float32))
+REQUEST = Request({"type": "http", "path": "/v1/lighting"})
 ESTIMATE = PhotoAnswer(EstimatedLight(LIGHT, ANSWERS_SUN), compute_light_probe(LIGHT))
 
 
@@ -35,9 +36,21 @@ def request(if_none_match: str) -> Request:
     return Request({"type": "http", "headers": [(b"if-none-match", if_none_match.encode())]})
 
 
-def test_the_link_has_the_parameters_of_the_light_under_the_services_root() -> None:
-    link = urlsplit(_envmap_link(LIGHT, "/light"))
-    assert link.path == "/light/v1/envmap"
+def linked(light: Lighting, path: str = "/v1/lighting") -> SplitResult:
+    """The link to a light's map in the answer to a request."""
+    answer = PhotoAnswer(EstimatedLight(light, ANSWERS_SUN), compute_light_probe(light))
+    asked = Request({"type": "http", "path": path})
+    return urlsplit(estimate_to_json(asked, answer, LightingQuery())["links"]["envmap"])
+
+
+@pytest.mark.parametrize("path", ["/v1/lighting", "/v1/lightings", "/v2/models/outdoor/infer"])
+def test_the_link_is_relative_to_the_requests_url(path: str) -> None:
+    for root in ("", "/tools/light"):
+        assert urljoin(f"{root}{path}", linked(LIGHT, path).path) == f"{root}/v1/envmap"
+
+
+def test_the_link_has_the_parameters_of_the_light() -> None:
+    link = linked(LIGHT)
     said = {name: values[0] for name, values in parse_qs(link.query).items()}
     assert said.pop("sun") == "false"
     assert SkyQuery.model_validate(said).to_lighting() == Lighting(
@@ -54,13 +67,13 @@ def test_the_link_has_the_strength_of_the_light_where_it_is_known() -> None:
         sky_cover=0.2,
         ground_color=(0.12, 0.11, 0.1),
     )
-    said = {name: values[0] for name, values in parse_qs(urlsplit(_envmap_link(strong, "")).query).items()}
+    said = {name: values[0] for name, values in parse_qs(linked(strong).query).items()}
     assert said["sun"] == "true"
     query = SkyQuery.model_validate(said)
-    assert query.sky == "preetham"
+    assert query.view().sky == "preetham"
     assert replace(query.to_lighting(), sky_model="preetham", sun_visibility=0.1) == strong
     painted = replace(LIGHT, sky_painted="prague")
-    assert parse_qs(urlsplit(_envmap_link(painted, "")).query)["sky"] == ["prague"]
+    assert parse_qs(linked(painted).query)["sky"] == ["prague"]
 
 
 @pytest.mark.parametrize(
@@ -81,7 +94,7 @@ def test_a_light_that_contradicts_itself_is_refused(wrong: dict[str, str]) -> No
 
 
 def test_an_estimate_is_a_record() -> None:
-    record = estimate_to_json(ESTIMATE, LightingQuery.model_validate({}), "")
+    record = estimate_to_json(REQUEST, ESTIMATE, LightingQuery.model_validate({}))
     assert record["sun"]["azimuth"] == -41.2
     assert "probability" not in record
 
@@ -90,36 +103,36 @@ def test_what_the_file_says_comes_without_what_it_does_not_say() -> None:
     moment = datetime(2024, 8, 10, 14, 28, 12)
     metadata = PhotoMetadata(moment, 2.0, heading=87.0, heading_reference=HeadingReference.TRUE, orientation=6)
     metadata = replace(metadata, gps_time=datetime(2024, 8, 10, 14, 28, 10, tzinfo=timezone(timedelta(hours=2))))
-    answer = estimate_to_json(replace(ESTIMATE, metadata=metadata), LightingQuery.model_validate({}), "")
+    answer = estimate_to_json(REQUEST, replace(ESTIMATE, metadata=metadata), LightingQuery.model_validate({}))
     assert answer["photo_metadata"] == {
         **{"time": "2024-08-10T14:28:12", "utc_offset": 2.0, "gps_time": "2024-08-10T12:28:10+00:00"},
         **{"heading": 87.0, "heading_reference": "true", "orientation": 6},
     }
     located = replace(ESTIMATE, metadata=PhotoMetadata(latitude=48.1, longitude=-11.5))
-    answer = estimate_to_json(located, LightingQuery.model_validate({}), "")
+    answer = estimate_to_json(REQUEST, located, LightingQuery.model_validate({}))
     assert answer["photo_metadata"] == {"latitude": 48.1, "longitude": -11.5}
-    assert "photo_metadata" not in estimate_to_json(ESTIMATE, LightingQuery.model_validate({}), "")
+    assert "photo_metadata" not in estimate_to_json(REQUEST, ESTIMATE, LightingQuery.model_validate({}))
 
 
 def test_what_the_place_makes_of_the_map_comes_cell_by_cell() -> None:
     factors = np.random.default_rng(0).uniform(0.05, 4, (2, 4, 3)).astype(np.float32)
-    told = estimate_to_json(replace(ESTIMATE, gain=factors), LightingQuery.model_validate({}), "")["surroundings"]
+    told = estimate_to_json(REQUEST, replace(ESTIMATE, gain=factors), LightingQuery.model_validate({}))["surroundings"]
     assert (told["rows"], told["columns"]) == (2, 4)
     assert told["factors"] == pytest.approx(factors.reshape(8, 3), rel=5e-3)
-    assert "surroundings" not in estimate_to_json(ESTIMATE, LightingQuery.model_validate({}), "")
+    assert "surroundings" not in estimate_to_json(REQUEST, ESTIMATE, LightingQuery.model_validate({}))
 
 
 def test_what_lies_inside_a_border_is_told() -> None:
     query = LightingQuery.model_validate({})
-    told = estimate_to_json(replace(ESTIMATE, crop=PhotoCrop(0, 131, 1920, 818, 1920, 1080)), query, "")
+    told = estimate_to_json(REQUEST, replace(ESTIMATE, crop=PhotoCrop(0, 131, 1920, 818, 1920, 1080)), query)
     sizes = {"width": 1920, "height": 818, "picture_width": 1920, "picture_height": 1080}
     assert told["crop"] == {"left": 0, "top": 131, **sizes}
     assert LightingEstimate.model_validate(told).crop == LightingEstimate.CropRecord(left=0, top=131, **sizes)
-    assert "crop" not in estimate_to_json(ESTIMATE, query, "")
+    assert "crop" not in estimate_to_json(REQUEST, ESTIMATE, query)
 
 
 def test_the_probability_comes_with_the_angles_of_its_cells() -> None:
-    told = estimate_to_json(ESTIMATE, LightingQuery.model_validate({"probability": "true"}), "")["probability"]
+    told = estimate_to_json(REQUEST, ESTIMATE, LightingQuery.model_validate({"probability": "true"}))["probability"]
     assert told == _sun_probability(ANSWERS_SUN)
     assert sum(told["probability"]) == pytest.approx(1.0, abs=1e-4)
     assert np.sin(np.radians(told["elevation"])) == pytest.approx(grid_directions(GRID)[:, 1], abs=1e-4)

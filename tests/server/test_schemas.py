@@ -5,8 +5,9 @@ from typing import Annotated, Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
+from lighting.map_options import MapOptions, option_texts
 from lighting.records import Lighting
-from server.field_types import Flag, Height, InRange, SunElevation
+from server.field_types import Flag, InRange, SunElevation, option_parameter
 from server.schemas import LightingRecord
 
 RECORD: dict[str, Any] = {
@@ -76,9 +77,10 @@ def test_the_range_is_in_the_document() -> None:
 
 @pytest.mark.parametrize("value", [15, 17, 2050])
 def test_a_height_is_even_and_in_its_range(value: int) -> None:
-    assert TypeAdapter(Height).validate_python(512) == 512
+    height, default = option_parameter(option_texts(MapOptions)["height"], MapOptions.height)
+    assert TypeAdapter(height).validate_python(default) == 512
     with pytest.raises(ValidationError):
-        TypeAdapter(Height).validate_python(value)
+        TypeAdapter(height).validate_python(value)
 
 
 @pytest.mark.parametrize("text", ["True", "1", "yes", ""])

@@ -2,8 +2,9 @@
 
 import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
+import type { Lighting } from "../src/api";
 import { direction } from "../src/geometry/angles";
-import { rgbLuminance } from "../src/geometry/color";
+import { rgbLuminance, type Triple } from "../src/geometry/color";
 import { prepareLight, renderLight, type SceneLight, type SkyRequest, type SkyTables } from "../src/sky/lighting";
 import { hosekWilkieSky, parseHosekWilkieTable, parsePragueTable, sunIrradiance } from "../src/sky/models";
 import {
@@ -46,6 +47,48 @@ function expectNear(actual: readonly number[], expected: readonly number[], shar
 const pixel = ({ width, data }: Latlong, row: number, column: number): number[] => [
   ...data.slice(4 * (row * width + column), 4 * (row * width + column) + 3),
 ];
+
+/** A record that Python wrote, with the irradiances of sun and sky and the ground's radiance as Python has them. */
+interface StoredLight {
+  record: Lighting;
+  sun: Triple;
+  sky: Triple;
+  ground: Triple;
+}
+
+const STORED: StoredLight[] = JSON.parse(
+  new TextDecoder().decode(readFileSync(new URL("../../../tests/lighting/envmap/sun_light.json", import.meta.url))),
+);
+
+describe("the light of a record", () => {
+  it.each(STORED)("is that of Python: sun, sky and ground of $record.sun.elevation degrees", (stored) => {
+    const { sun, sky, ground } = stored.record;
+    const parameters = {
+      ...P,
+      sun_azimuth: sun.azimuth,
+      sun_elevation: sun.elevation,
+      turbidity: sky.turbidity,
+      exposure: sky.exposure,
+      ground_albedo: sky.ground_albedo,
+    };
+    const stated = {
+      ...(sun.irradiance ? { sun: sun.irradiance } : {}),
+      ...(sky.irradiance ? { sky: sky.irradiance } : {}),
+      ...(ground?.color ? { groundColor: ground.color } : {}),
+      ...(sky.cover === undefined ? {} : { cover: sky.cover }),
+    };
+    const light = renderLight(tables, { parameters, estimated: parameters, stated }, 64);
+    expectClose(light.sun, stored.sun);
+    expectClose(light.sky, stored.sky);
+    expectClose(light.ground, stored.ground);
+  });
+});
+
+function expectClose(actual: Triple, expected: Triple): void {
+  actual.forEach((value, i) => {
+    expect(Math.abs(value - (expected[i] as number))).toBeLessThanOrEqual(0.02 * (expected[i] as number) + 1e-9);
+  });
+}
 
 describe("the sky in the browser", () => {
   it("has the coefficients of the record", () => {

@@ -291,10 +291,9 @@ describe("the light on show as text", () => {
   });
 
   it("replaces the light in the Python program", () => {
-    expect(writePython(subject)).not.toContain("edit_lighting");
-    expect(writePython(movedInput)).toContain("photo_context_for_height(estimate, photo.pixels, 512, finer)");
+    expect(writePython(subject)).not.toContain("light.edit");
     expect(writePython(movedInput)).toContain('    "sun_azimuth": -41.2,\n');
-    expect(writePython(movedInput)).toContain("sun=False, context=context");
+    expect(writePython(movedInput)).toContain(", 512, sun=False)");
     expect(writePython(movedInput)).not.toContain("irradiance");
   });
 
@@ -342,7 +341,7 @@ describe("the light on show as text", () => {
       '    "sun_irradiance": (3.89, 4.28, 3.36123),\n    "sky_irradiance": (0.35, 0.62, 1.12),\n',
     );
     expect(program).toContain('    "sky_cover": 0.25,\n    "ground_color": (0.143, 0.1, 0.1),\n');
-    expect(program).toContain("finer, exposure=5)");
+    expect(program).toContain("light.edit(changes, photo_exposure=5)");
     const rotated = statedOverrides(stated, { ...light, exposure: 10 }, irradiances);
     expect(writeCurl({ ...subject, overrides: rotated })).toContain(
       "&sun=false&sky_exposure=10&photo_exposure=5&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",

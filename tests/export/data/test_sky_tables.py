@@ -74,11 +74,13 @@ def test_equal_energy_is_nearly_white() -> None:
 def test_the_table_holds_the_set(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sky_tables, "_STEPS", 1)
     monkeypatch.setattr(sky_tables, "_VISIBLE", CHANNELS)
-    data = _read_prague(data_set(VISIBILITIES, SUN_ELEVATIONS))
-    table = sky_tables._make_prague_table(data).astype(np.float64)
-    v, e, split = 2, 9, len(SUN_ANGLES)
+    visibilities, elevations = VISIBILITIES[2:3], SUN_ELEVATIONS[9:10]
+    monkeypatch.setattr(sky_tables, "VISIBILITIES", visibilities)
+    monkeypatch.setattr(sky_tables, "SUN_ELEVATIONS", elevations)
+    table = sky_tables._make_prague_table(data := _read_prague(data_set(visibilities, elevations))).astype(np.float64)
+    v, e, split = 0, 0, len(SUN_ANGLES)
     stops = table[v, e, 1, :split] @ table[v, e, 1, split:].T
-    sun, nodes = direction(0.0, float(SUN_ELEVATIONS[e])), direction(np.array([0.0, 40.0, 170.0]), 30.0)
+    sun, nodes = direction(0.0, float(elevations[e])), direction(np.array([0.0, 40.0, 170.0]), 30.0)
     expected = np.log2(_read_sky(data, nodes, sun, 40.0)[:, 1])
     gamma = np.degrees(np.arccos(nodes @ sun))
     across = np.array([np.interp(gamma, SUN_ANGLES, column) for column in stops.T])

@@ -101,6 +101,7 @@ def test_a_network_is_asked_about_every_view(data: Path, network: Path) -> None:
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
+@pytest.mark.thorough
 def test_a_sun_in_the_picture_is_what_the_network_looks_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(occlusion, "_STEP", 24)  # a quarter of the covers
     added = _occlusion_map(Model.load(), read_photo(EXAMPLES / "railway_field.jpg"))

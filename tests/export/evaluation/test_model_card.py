@@ -11,7 +11,8 @@ import export.evaluation.model_card as model_card
 from export.__main__ import export_cli
 from export.data.panoramas import DataError
 from export.evaluation.metrics_file import read_metrics, write_metrics
-from lighting.model import METRICS, MODEL_CARD, network_sha256, packaged_model, weights_path
+from lighting.model import METRICS, MODEL_CARD, network_sha256, packaged_model
+from lighting.onnx_session import weights_path
 
 FOLDER = packaged_model().parent
 MOST_WORDS = 600

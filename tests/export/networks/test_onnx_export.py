@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from onnx import GraphProto, ModelProto, TensorProto, checker, helper, numpy_helper
 
 from export.crops.targets import COLUMNS, ROWS
+from export.networks import outdoor_transformer
 from export.networks.onnx_export import (
     MIN_BYTES,
     ROUNDED_TOLERANCE,
@@ -24,14 +25,16 @@ from export.networks.onnx_export import (
     _merge_equal_nodes,
     _parity,
     _save_graph,
+    quantize_products,
     store_small,
     write_onnx,
 )
 from export.networks.outdoor import build_network, network_specs
+from export.networks.vision_transformer import WHEEL
 from export.networks.weights import average_weights, read_network, read_record, read_spec, write_run
 from lighting.errors import LightingError
-from lighting.model import Model, weights_path
-from lighting.onnx_session import create_session
+from lighting.model import Model
+from lighting.onnx_session import create_session, weights_path
 from lighting.sun_grid import grid_directions
 
 RNG = np.random.default_rng(5)
@@ -65,6 +68,18 @@ def answer(network: ModelProto, x: NDArray[np.float32]) -> NDArray[np.float32]:
     options.add_session_config_entry("session.disable_quant_qdq", "1")  # as lighting.onnx has it
     session = onnxruntime.InferenceSession(network.SerializeToString(), options, providers=["CPUExecutionProvider"])
     return np.asarray(session.run(None, {"x": x})[0])
+
+
+def test_products_of_whole_numbers_are_near_and_the_same_for_each_row_count() -> None:
+    wide = RNG.normal(size=(400, 300)).astype(np.float32)
+    network = model((wide,))
+    x = RNG.normal(size=(5, 400)).astype(np.float32)
+    before = answer(network, x)
+    quantize_products(network)
+    after = answer(network, x)
+    assert TensorProto.INT8 in kinds(network)
+    assert np.abs(after - before).max() < 0.02 * np.abs(before).max()
+    np.testing.assert_array_equal(answer(network, x[::-1]), after[::-1])
 
 
 def kinds(network: ModelProto) -> set[int]:
@@ -309,6 +324,38 @@ def test_networks_together_answer_their_mean() -> None:
     torch.testing.assert_close(both[0], (alone[0][0] + alone[1][0]) / 2)
     torch.testing.assert_close(both[1][:, 2:5], (alone[0][1] + alone[1][1])[:, 2:5] / 2)
     torch.testing.assert_close(both[1][:, :2], (alone[0][1] * alone[1][1])[:, :2].sqrt())  # turbidity and exposure
+
+
+def test_a_network_for_the_sun_says_nothing_else() -> None:
+    torch.manual_seed(5)
+    first, second = (build_network(SPECS["outdoor"], has_sun_in_view=False).eval() for _ in range(2))
+    photo = torch.randn(2, 3, 224, 224)
+    with torch.inference_mode():
+        alone = [_Ensemble([network], GRID)(photo) for network in (first, second)]
+        both = _Ensemble([first], GRID, suns=[second])(photo)
+    torch.testing.assert_close(both[0], (alone[0][0] + alone[1][0]) / 2)
+    torch.testing.assert_close(both[1], alone[0][1])
+
+
+def test_a_transformer_gives_the_same_bits_in_every_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in {"DEPTH": 2, "_READ": (1, 2), "_FROZEN": 1}.items():
+        monkeypatch.setattr(outdoor_transformer, name, value)
+    spec, file = SPECS["transformer"], tmp_path / "small.onnx"
+    torch.manual_seed(7)
+    network = outdoor_transformer.OutdoorTransformer(spec, has_surroundings=True)
+    for block in network.trunk.blocks:
+        torch.nn.init.constant_(block.scale1, 0.3)
+    settings = {"network": "transformer", "pretrained": True, "licensed_only": False, "crops": 3}
+    record = {"spec": asdict(spec), "config": settings, "commit": "", "torch": "", "panoramas": {"train": []}}
+    write_run(tmp_path / "run", record, network.state_dict())
+    write_onnx([tmp_path / "run"], file)
+    assert any(node.op_type == "MatMulInteger" for node in onnx.load(file).graph.node)
+    assert Model.load(file).spec.training_data.startswith(f"from the weights of {WHEEL}, 3 crops")
+    photo = np.random.default_rng(0).normal(size=(1, 3, spec.height, spec.width)).astype(np.float32)
+    sessions = [Model.load(file, threads, for_one_photo=once) for threads in (1, 2) for once in (False, True)]
+    answers = [session.predict(photo)[0].sun_probability for session in sessions]
+    for other in answers[1:]:
+        np.testing.assert_array_equal(other, answers[0])
 
 
 def test_a_network_for_the_camera_answers_for_it_instead_of_the_others() -> None:

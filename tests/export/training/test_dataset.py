@@ -38,6 +38,15 @@ def test_the_light_around_two_places_that_share_a_crop_is_in_the_exposure_of_eac
         torch.testing.assert_close(same[index].surroundings, scaled[index].surroundings, rtol=1e-4, atol=1e-4)
 
 
+def test_sun_targets_narrow_while_the_run_goes_on(config: TrainConfig) -> None:
+    settings = replace(config, crops=100, first_width=20.0)
+    crops = TrainingCrops([source(place="a")], EXAMPLES_SPEC, settings)
+    usual = TrainingCrops([source(place="a")], EXAMPLES_SPEC, replace(settings, first_width=0.0))
+    peaks = [float(crops[index].sun.max()) for index in (0, 30, 60, 99)]
+    assert peaks[0] < 0.5 * peaks[1] < 0.5 * peaks[2]
+    torch.testing.assert_close(crops[99].sun, usual[99].sun)
+
+
 @pytest.mark.needs("mitsuba", "llvm")
 def test_samples_are_one_crop_of_each_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dataset, "DOWN", 1)

@@ -14,6 +14,7 @@ import torch
 from export.crops.crops import load_sources
 from export.crops.targets import CELLS
 from export.data.panoramas import DataError, read_index
+from export.networks import outdoor_transformer
 from export.networks.backbone import NetworkOutput
 from export.networks.onnx_export import write_onnx
 from export.networks.outdoor import (
@@ -210,6 +211,21 @@ def test_the_camera_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_
     changed = {name.split(".")[0] for name, value in before.items() if not torch.equal(value, after[name])}
     assert {"backbone", "values", "camera"} <= changed
     assert "sun" not in changed
+
+
+def test_a_transformer_learns_the_later_blocks_and_goes_on(
+    config: TrainConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in {"DEPTH": 2, "_READ": (1, 2), "_FROZEN": 1}.items():
+        monkeypatch.setattr(outdoor_transformer, name, value)
+    settings = replace(config, network="transformer", pretrained=False, crops=8, out=str(tmp_path / "run"))
+    before = {name: value.clone() for name, value in _Run(settings).network.state_dict().items()}
+    train_network(settings)
+    network = read_network(tmp_path / "run")
+    changed = {name for name, value in network.state_dict().items() if not torch.equal(value, before[name])}
+    assert {"sun.1.weight", "reduce.weight", "trunk.blocks.1.fc1.weight"} <= changed
+    assert not any(name.startswith(("trunk.blocks.0.", "trunk.patch.")) for name in changed)
+    assert json.loads((tmp_path / "run" / "config.json").read_text())["config"]["network"] == "transformer"
 
 
 @pytest.mark.usefixtures("small_backbone")

@@ -353,6 +353,25 @@ def test_a_glob_of_any_depth_follows_no_link_to_a_folder(photos: Path) -> None:
     assert find_photos(f"{photos}/below/up/a.*")[1] == ["a.jpg"]
 
 
+def test_what_exists_as_it_is_written_is_no_pattern(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Folders of albums begin with a year in brackets; the letters in them never stand for another folder."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("[2024] trip/1.jpg", "2 trip/2.jpg", "set [a-c]/x/3.jpg", "set a/x/4.jpg", "trip (1)/5.jpg"):
+        (tmp_path / "albums" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "albums" / name).touch()
+    (tmp_path / "albums" / "set a" / "photo[1].jpg").touch()
+    (tmp_path / "albums" / "set a" / "photo1.jpg").touch()
+    assert find_photos("albums/[2024] trip/*.jpg") == (str(Path("albums/[2024] trip")), ["1.jpg"])
+    assert find_photos("albums/[12] trip/*.jpg") == ("albums", ["2 trip/2.jpg"])
+    assert find_photos("albums/set [a-c]/**/*.jpg") == (str(Path("albums/set [a-c]")), ["x/3.jpg"])
+    assert find_photos("albums/set [ab]/x/*.jpg") == ("albums", ["set a/x/4.jpg"])
+    assert find_photos("albums/trip (1)/*.jpg")[1] == ["5.jpg"]
+    assert find_photos("**/[2024] trip/*.jpg") == (".", ["albums/[2024] trip/1.jpg"])
+    assert find_photos("*/set [a-c]/*/*") == (".", ["albums/set [a-c]/x/3.jpg"])
+    assert find_photos("albums/set a/photo[1].jpg")[1] == ["photo[1].jpg"]
+    assert find_photos(f"{tmp_path}/albums/[2024] trip/1.jpg") == (str(tmp_path / "albums" / "[2024] trip"), ["1.jpg"])
+
+
 def test_hidden_photos_match_where_the_glob_names_a_dot(photos: Path) -> None:
     (photos / ".thumbs").mkdir()
     for name in (".thumbs/a.jpg", "below/.b.jpg"):

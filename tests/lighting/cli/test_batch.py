@@ -28,6 +28,7 @@ def test_results_in_a_file_are_refused(photo_path: Path) -> None:
 
 
 @pytest.mark.parametrize("option", ["--parquet", "--overwrite"])
+@pytest.mark.needs("pyarrow")
 def test_a_folder_in_place_of_the_table_is_refused_first(photo_path: Path, tmp_path: Path, option: str) -> None:
     out = tmp_path / "out"
     (out / "lighting.parquet").mkdir(parents=True)
@@ -39,6 +40,7 @@ def test_a_folder_in_place_of_the_table_is_refused_first(photo_path: Path, tmp_p
     assert [path.name for path in out.iterdir()] == ["lighting.parquet"]
 
 
+@pytest.mark.needs("pyarrow")
 def test_a_table_in_a_folder_that_does_not_exist_is_refused_first(photo_path: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()

@@ -5,16 +5,22 @@ import os
 import shlex
 import subprocess
 import sys
+from base64 import urlsafe_b64encode
 from collections.abc import Iterator
+from hashlib import sha256
+from importlib.metadata import Distribution, version
 from pathlib import Path
 
 import click
 import pytest
 
 from lighting.cli import Command, Group, cli
+from lighting.cli.info import _find_changed_files
+from lighting.confinement import describe_confinement
 from lighting.envmap.render import render
 from lighting.files.exr import write_exr
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, list_commands
+from tests.helpers.requirements import find
 
 
 def all_commands() -> Iterator[tuple[str, Command | Group]]:
@@ -196,8 +202,37 @@ def test_the_doctor_says_what_works() -> None:
     findings = {finding["name"]: finding for finding in json.loads(result.stdout)}
     assert result.exit_code == 0
     assert findings["network"]["text"].startswith("outdoor ")
-    assert findings["OpenCV"]["found"]
-    assert {"answer", "page", "Blender"} <= findings.keys()
+    assert {"answer", "page", "Blender", "bpy", "libraries"} <= findings.keys()
+    assert findings["data"]["text"] == "6 networks and tables are intact"
+    assert findings["sandbox"]["text"].startswith(describe_confinement())
+    assert findings["OpenCV"]["found"] is (find("cv2") is not None)
+    assert f"numpy {version('numpy')}," in findings["libraries"]["text"]
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_the_doctor_compares_with_what_was_installed(
+    damaged: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A wheel's RECORD lists all files, templates and code among them."""
+    parts = {"lighting/__init__.py": b"", "lighting/data/scene.usda": b"#usda 1.0", "lighting/cli/info.py": b"x = 1"}
+    record = []
+    for name, data in parts.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
+        (tmp_path / name).write_bytes(data)
+        digest = urlsafe_b64encode(sha256(data).digest()).rstrip(b"=").decode()
+        record.append(f"{name},sha256={digest},{len(data)}")
+    (tmp_path / "outdoor_lighting-1.dist-info").mkdir()
+    (tmp_path / "outdoor_lighting-1.dist-info" / "RECORD").write_text("\n".join([*record, "lighting/a.pyc,,"]))
+    if damaged:
+        (tmp_path / "lighting" / "data" / "scene.usda").write_bytes(b"#usdb 1.0")
+        (tmp_path / "lighting" / "cli" / "info.py").unlink()
+    installed = Distribution.at(tmp_path / "outdoor_lighting-1.dist-info")
+    monkeypatch.setattr("lighting.cli.info.distribution", lambda _: installed)
+    monkeypatch.setattr("lighting.cli.info.__file__", str(tmp_path / "lighting" / "cli" / "info.py"))
+    (finding,) = _find_changed_files()
+    changed = "lighting/data/scene.usda, lighting/cli/info.py changed since the installation; install it again"
+    assert finding.text == (changed if damaged else "3 are as they were installed")
+    assert (finding.found, finding.needed) == (not damaged, damaged)
 
 
 def test_the_doctor_names_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,6 +246,6 @@ def test_the_doctor_names_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr("lighting.cli.info.find_spec", lambda _: None)
     result = invoke_command("doctor")
     assert result.exit_code == 1
-    assert "MISSING  network: There is no network.\n" in result.stdout
+    assert "BROKEN   network: There is no network.\n" in result.stdout
     assert "RAW photos: pip install 'outdoor-lighting[all]'" in result.stdout
-    assert invoke_command("doctor", "--quiet").stdout == "MISSING  network: There is no network.\n"
+    assert invoke_command("doctor", "--quiet").stdout == "BROKEN   network: There is no network.\n"

@@ -25,10 +25,11 @@ from lighting.cli.console import (
     escape_path,
     open_command,
 )
-from lighting.envmap.relighting import Adjustments, adjust_lighting
+from lighting.envmap.relighting import adjust_lighting
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, read_exr_attributes, write_exr
 from lighting.fusion.user_input import UserInput
+from lighting.map_options import Adjustments
 from lighting.model import Model
 from lighting.records import Lighting
 from lighting.scene import EXPORTERS

@@ -25,6 +25,7 @@ METADATA += [
     "camera_height",
     "utc_time",
     "time_source",
+    "utc_probability",
     "orientation",
 ]
 KNOWN_METADATA = {"location": False, "is_panorama": False, "is_lens_consistent": True, "other_vertical_fovs": []}

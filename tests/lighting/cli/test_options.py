@@ -126,9 +126,7 @@ def test_what_a_stated_offset_replaces_is_told(phone: Path, network: Path) -> No
     stated = invoke_command("estimate", "--json", "--model", network, "--utc-offset", "-01:00", phone)
     (there,) = records(stated)
     assert there["time"] == {"utc": "2024-06-01T10:10:00Z", "utc_offset": -1.0, "source": "user"}
-    assert there["warnings"][0] == (
-        "Your offset from UTC, -01:00, replaced that of the photo, +02:00 (offset in the file)."
-    )
+    assert there["warnings"][0] == ("Your offset from UTC, -01:00, replaced the file's, +02:00 (offset in the file).")
 
 
 def test_words_name_heading_and_evidence(phone: Path, photo_path: Path, network: Path) -> None:

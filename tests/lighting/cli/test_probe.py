@@ -56,6 +56,7 @@ def exposures(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return shoot(tmp_path_factory.mktemp("sky") / "bracket")
 
 
+@pytest.mark.needs("scipy")
 def test_exposures_become_a_map_that_can_be_fitted(exposures: list[Path], tmp_path: Path) -> None:
     target = tmp_path / "probe.exr"
     result = run("merge", *exposures, "--lens", "equidistant", *WHERE, "--fill-sun", "--height", 128, "-o", target)
@@ -71,6 +72,7 @@ def test_exposures_become_a_map_that_can_be_fitted(exposures: list[Path], tmp_pa
     assert "turbidity" in run("fit", target, "--sun", f"{azimuth},{elevation}").stdout
 
 
+@pytest.mark.needs("scipy")
 def test_a_folder_of_exposures_and_a_folder_to_fill(exposures: list[Path], tmp_path: Path) -> None:
     result = run("merge", exposures[0].parent, "--lens", "equidistant", *WHERE, "--height", 64, "-o", tmp_path, "-q")
     assert result.exit_code == 0, result.output
@@ -78,6 +80,7 @@ def test_a_folder_of_exposures_and_a_folder_to_fill(exposures: list[Path], tmp_p
     assert probes_in(tmp_path)[0].time == SKY_DAY
 
 
+@pytest.mark.needs("scipy")
 def test_a_series_fills_a_folder(tmp_path: Path) -> None:
     brackets = [shoot(tmp_path / f"{hours}", hours)[0].parent for hours in (0, 3, 6)]
     arguments = ("--series", "--lens", "equidistant", *WHERE, "--height", 64, "-o", tmp_path / "sky")
@@ -120,6 +123,7 @@ def test_what_is_not_known_is_asked_for(exposures: list[Path], tmp_path: Path) -
     assert (result.exit_code, "does not say when" in result.stderr) == (1, True)
 
 
+@pytest.mark.needs("scipy")
 def test_a_map_without_a_sky_is_said(tmp_path: Path) -> None:
     write_exr(tmp_path / "a.exr", np.full((32, 64, 3), 0.5, np.float32))
     result = run("fit", tmp_path / "a.exr")
@@ -131,6 +135,7 @@ def test_a_map_without_a_sky_is_said(tmp_path: Path) -> None:
     ("sun", "azimuth", "side"),
     [("40,30", 40.0, "40.0° right"), ("-40,30", -40.0, "40.0° left"), ("320,30", -40.0, "40.0° left")],
 )
+@pytest.mark.needs("scipy")
 def test_the_side_of_the_sun_is_told_as_everywhere(tmp_path: Path, sun: str, azimuth: float, side: str) -> None:
     sky = Lighting(sun_azimuth=azimuth, sun_elevation=30.0, turbidity=3.0, exposure=1.0)
     write_exr(tmp_path / "a.exr", render(sky, 64))
@@ -208,6 +213,7 @@ def test_what_is_told_twice_must_not_differ(exposures: list[Path], tmp_path: Pat
     assert "nan is not a finite number." in error_of(run(*base, "--lat", "nan", "--lon", 8), 2)
 
 
+@pytest.mark.needs("scipy")
 def test_a_folder_may_have_a_dot_in_its_name(exposures: list[Path], tmp_path: Path) -> None:
     for name in ("s.d", "s.exr"):
         (tmp_path / name).mkdir()
@@ -302,6 +308,7 @@ def test_a_sun_that_is_no_pair_is_told_what_it_should_be(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.needs("scipy")
 def test_a_panorama_of_whole_numbers_is_fitted_with_a_warning(tmp_path: Path, bits: int) -> None:
     """A clear sky whose sun is clipped: its turbidity comes back near enough, and a warning says so."""
     light = Lighting(sun_azimuth=30.0, sun_elevation=35.0, turbidity=3.0, exposure=1.0)

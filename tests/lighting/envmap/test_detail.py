@@ -1,12 +1,10 @@
 """Detail around a map: what it must leave as it is, and what it adds."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import lighting.envmap.detail_library as detail_library
 from lighting.color import luminance
 from lighting.envmap.detail import MIN_ROWS, _color_dark, _continuation_cells, _match_continuation
 from lighting.envmap.detail_library import (
@@ -23,7 +21,6 @@ from lighting.envmap.latlong import blur_cells, envmap_irradiance, irradiance_fr
 from lighting.envmap.projection import ProjectedPhoto, project_photo
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
-from lighting.errors import ModelError
 from lighting.geometry import angle_between, latlong_angles, latlong_directions
 from lighting.records import Lighting
 from lighting.segmentation import SurfaceClass
@@ -304,12 +301,3 @@ def test_a_map_in_blocks_is_that_in_one(monkeypatch: pytest.MonkeyPatch, detail:
     whole = render_with_surroundings(LIGHT, context, HEIGHT)
     monkeypatch.setattr(f"lighting.envmap.latlong.{name}", pixels)
     np.testing.assert_allclose(render_with_surroundings(LIGHT, context, HEIGHT), whole, rtol=2e-6)
-
-
-@pytest.mark.parametrize("size", [0, 200, 30_000, 1_000_000])
-def test_a_damaged_library_is_named(size: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = tmp_path / "detail.npy"
-    file.write_bytes(detail_library.LIBRARY_PATH.read_bytes()[:size])
-    monkeypatch.setattr(detail_library, "LIBRARY_PATH", file)
-    with pytest.raises(ModelError, match=r"detail\.npy is damaged; install this package again\.$"):
-        load_detail_library.__wrapped__()

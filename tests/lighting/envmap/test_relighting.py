@@ -9,18 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.envmap.relighting import (
-    Adjustments,
     adjust_lighting,
     edit_lighting,
-    parse_exposure,
-    parse_sun,
     rotate_envmap,
     rotate_lighting,
     scale_exposure,
 )
-from lighting.envmap.render import render, sky_irradiance, sun_irradiance
+from lighting.envmap.render import render, sky_irradiance, sun_light
 from lighting.errors import ParameterError
 from lighting.geometry import wrap_azimuth
+from lighting.map_options import Adjustments, parse_exposure, parse_sun
 from lighting.records import Lighting
 from tests.helpers.predictions import model_light, stated_light
 
@@ -41,14 +39,14 @@ def test_what_moves_no_power_leaves_every_digit(changes: dict[str, float]) -> No
 
 def test_exposure_scales_both() -> None:
     twice = edit_lighting(STATED, {"exposure": 8.0})
-    np.testing.assert_allclose(sun_irradiance(twice), (12, 8, 4), rtol=1e-5)
+    np.testing.assert_allclose(sun_light(twice)[0], (12, 8, 4), rtol=1e-5)
     np.testing.assert_allclose(sky_irradiance(twice), (2, 4, 6), rtol=1e-5)
 
 
 def test_the_sun_keeps_its_ratio_to_the_models() -> None:
     changed, model = edit_lighting(STATED, CHANGES), edit_lighting(PLAIN, CHANGES)
-    before = sun_irradiance(STATED) / sun_irradiance(PLAIN)
-    np.testing.assert_allclose(sun_irradiance(changed) / sun_irradiance(model), before, rtol=1e-5)
+    before = sun_light(STATED)[0] / sun_light(PLAIN)[0]
+    np.testing.assert_allclose(sun_light(changed)[0] / sun_light(model)[0], before, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("cover", "spread"), [(0.0, 0.0), (1.0, 1.0)])
@@ -77,11 +75,9 @@ def test_a_low_sun_that_is_raised_becomes_an_ordinary_one(turbidity: float) -> N
     """The model's sun at 1° has no blue and little green; what is stated of it must not be multiplied by thousands."""
     low = replace(STATED, sun_elevation=1.0, turbidity=turbidity, sun_irradiance=(15.0, 10.0, 1.5))
     high = edit_lighting(low, {"sun_elevation": 35.0})
-    gain = sun_irradiance(high) / sun_irradiance(low)
+    gain = sun_light(high)[0] / sun_light(low)[0]
     assert 1.0 < gain.min() <= gain.max() < 25.0
-    np.testing.assert_allclose(
-        sun_irradiance(edit_lighting(high, {"sun_elevation": 1.0})), (15.0, 10.0, 1.5), rtol=1e-6
-    )
+    np.testing.assert_allclose(sun_light(edit_lighting(high, {"sun_elevation": 1.0}))[0], (15.0, 10.0, 1.5), rtol=1e-6)
 
 
 SMALL = render(model_light(), 16)

@@ -26,15 +26,16 @@ from lighting.envmap.render import (
     _splat_sun_disc,
     _weather,
     clear_irradiance,
-    disc_power,
     ground_reflectance,
+    level_irradiance,
     render,
     sky_irradiance,
-    sun_irradiance,
+    sun_light,
     with_irradiance,
 )
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import ParameterError
+from lighting.fields import round_all
 from lighting.files import MAP_FORMATS
 from lighting.geometry import (
     SUN_RADIUS,
@@ -157,7 +158,7 @@ def test_the_power_asked_for_is_painted(azimuth: float, elevation: float) -> Non
 
 
 def test_level_ground_receives_the_power_by_the_suns_height() -> None:
-    power, ground = disc_power(model_light(elevation=30.0))
+    power, ground = sun_light(model_light(elevation=30.0))
     assert ground == pytest.approx(power / 2, rel=1e-3)
 
 
@@ -273,7 +274,7 @@ def test_without_a_colour_the_given_ground_is_dark_grey_and_the_old_one_its_albe
 def test_stated_irradiances_are_those_of_the_model() -> None:
     old = model_light()
     stated = with_irradiance(old)
-    assert sun_irradiance(stated) == pytest.approx(sun_irradiance(old))
+    assert sun_light(stated)[0] == pytest.approx(sun_light(old)[0])
     assert sky_irradiance(stated) == pytest.approx(sky_irradiance(old))
     np.testing.assert_allclose(render(stated, 128, sun=False), render(old, 128, sun=False), rtol=2e-3)
     assert with_irradiance(stated) is stated
@@ -355,7 +356,7 @@ def test_a_sun_below_the_horizon_leaves_the_sky_of_twilight(stated: bool) -> Non
     light = stated_light(sky_cover=0.0) if stated else model_light()
     dusk = edit_lighting(replace(light, sky_painted="prague"), {"sun_elevation": -3.0})
     image, level = render(dusk, 64), sky_irradiance(dusk)
-    assert not sun_irradiance(dusk).any()
+    assert not sun_light(dusk)[0].any()
     assert irradiance_from_rows(row_irradiance(64)[:32], image[:32]) == pytest.approx(level, rel=5e-3)
     assert all(level < 0.05 * sky_irradiance(edit_lighting(light, {"sun_elevation": 5.0})))
     np.testing.assert_array_equal(image, render(dusk, 64, sun=True))
@@ -497,3 +498,48 @@ def test_the_command_writes_such_a_map(tmp_path: Path, name: str) -> None:
     read = MAP_FORMATS[name[-3:]].read
     assert read is not None
     assert 0.5 * HALF < read((tmp_path / name).read_bytes()).max() <= HALF
+
+
+LIGHTS = Path(__file__).with_name("sun_light.json")  # what the page follows
+IRRADIANCES: dict[str, Any] = {"sun_irradiance": (2.1, 1.8, 1.3), "sky_irradiance": (0.5, 0.6, 0.9), "sky_cover": 0.3}
+RECORDS = [
+    Lighting(-41.2, 33.0, 3.4, 5.0),
+    Lighting(100.0, 6.0, 7.5, 2.0, ground_color=(0.2, 0.15, 0.1)),
+    Lighting(10.0, 62.0, 2.0, 1.0, **IRRADIANCES, ground_color=(0.3, 0.3, 0.25)),
+    Lighting(-150.0, 12.0, 5.0, 0.5, **IRRADIANCES, ground_color=(0.1, 0.2, 0.05)),
+    Lighting(30.0, -2.0, 3.0, 4.0, ground_color=(0.12, 0.12, 0.12)),
+]
+
+
+def lights() -> list[dict[str, object]]:
+    """Records, and what sun, sky and ground are by them."""
+    return [
+        {
+            "record": light.to_dict(),
+            "sun": round_all(sun_light(light)[0]),
+            "sky": round_all(sky_irradiance(light)),
+            "ground": round_all(ground_reflectance(light) / np.pi * level_irradiance(light)),
+        }
+        for light in RECORDS
+    ]
+
+
+def test_the_lights_that_the_page_follows_are_up_to_date() -> None:
+    """`python -m tests.lighting.envmap.test_render` writes them anew."""
+    assert json.loads(LIGHTS.read_text()) == json.loads(json.dumps(lights()))
+
+
+@pytest.mark.parametrize("light", RECORDS)
+def test_the_ground_is_lit_by_the_sun_that_is_painted(light: Lighting, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every reader of the sun's light follows `sun_light`."""
+    facing, level = sun_light(light)
+    assert level == pytest.approx(facing * max(light.sun_direction[1], 0.0), rel=0.01)
+    before, edited = render(light, 32, sun=True)[-1, 0], edit_lighting(light, {"sun_azimuth": 3.0})
+    monkeypatch.setattr(render_module, "sun_light", lambda one: tuple(2 * part for part in sun_light(one)))
+    added = render(light, 32, sun=True)[-1, 0] - before
+    assert added == pytest.approx(ground_reflectance(light) / np.pi * level, rel=1e-3, abs=1e-7)
+    assert edited.sun_irradiance == light.sun_irradiance
+
+
+if __name__ == "__main__":
+    LIGHTS.write_text(json.dumps(lights(), indent=1) + "\n")

@@ -24,6 +24,7 @@ from lighting.color import COLOR_SPACES
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.fields import RANGES
+from lighting.files import encode_envmap
 from lighting.files.exr import (
     _MANTISSA_BITS,
     _SET_EFFORT,
@@ -465,6 +466,50 @@ def test_what_is_no_map_is_named_once(tmp_path: Path, rounded_map: NDArray[np.fl
         read_envmap(tmp_path / "a.exr")
     with pytest.raises(EnvironmentMapError, match=r"^[^:]*none\.exr cannot be read: No such file or directory\.$"):
         read_envmap(tmp_path / "none.exr")
+
+
+def test_a_map_may_be_a_radiance_hdr(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
+    (tmp_path / "a.hdr").write_bytes(encode_envmap(rounded_map, format="hdr"))
+    np.testing.assert_allclose(read_envmap(tmp_path / "a.hdr"), rounded_map, rtol=0.02, atol=0.02)
+    (tmp_path / "a.hdr").write_bytes(b"#?RADIANCE\n\n-Y 8 +X 16\n")
+    with pytest.raises(EnvironmentMapError, match=r"a\.hdr: The HDR picture is cut short or damaged\.$"):
+        read_envmap(tmp_path / "a.hdr")
+
+
+def layered(*layers: str, pixels: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
+    """Channels of layers, of which the first holds the pixels and the others are brighter."""
+    planes = {f"{layer}{name}": pixels[..., i] + k for k, layer in enumerate(layers) for i, name in enumerate("RGB")}
+    return {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
+
+
+@pytest.mark.parametrize(
+    "layers",
+    [
+        ("", "glow."),
+        ("sky.",),
+        ("ViewLayer.Combined.", "ViewLayer.DiffCol."),
+        ("beauty.", "normal."),
+        ("View Layer 2.RGBA.", "x.y."),
+    ],
+)
+def test_colors_in_a_layer_are_read(layers: tuple[str, ...], rounded_map: NDArray[np.float32]) -> None:
+    data = encoded(layered(*layers, pixels=rounded_map) | {"ViewLayer.Depth.Z": rounded_map[..., 0].copy()})
+    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0], rounded_map)
+
+
+def test_colors_in_a_part_are_read(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
+    """Blender 5 can write its passes as parts."""
+    file = str(tmp_path / "a.exr")
+    planes = [{"Z": rounded_map[..., 0].copy()}, layered("Combined.", pixels=rounded_map)]
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File([OpenEXR.Part(dict(header), part, name) for part, name in zip(planes, "ab", strict=True)]).write(file)
+    np.testing.assert_array_equal(read_envmap(file), rounded_map)
+
+
+def test_which_of_several_layers_counts_is_not_guessed(rounded_map: NDArray[np.float32]) -> None:
+    data = encoded(layered("day.", "night.", pixels=rounded_map))
+    with pytest.raises(EnvironmentMapError, match=r"several layers .* \(day, night\); keep one of them\.$"):
+        read_exr(io.BytesIO(data))
 
 
 def test_any_cut_is_refused(data: bytes) -> None:

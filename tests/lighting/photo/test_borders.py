@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image, ImageDraw, ImageFilter
 
-from lighting.photo.borders import _Rectangle, find_layout
+from lighting.photo.borders import Rectangle, find_layout
 from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import PhotoCrop, photo_from_array, read_photo
@@ -227,7 +227,7 @@ def test_the_photo_inside_has_its_own_size_pixels_lens_and_a_warning() -> None:
 
 
 def test_a_rectangle_in_pixels_lies_within_its_shares() -> None:
-    assert _Rectangle(0.1, 0.0, 0.95, 1.0).pixels(101, 50) == (11, 0, 95, 50)
+    assert Rectangle(0.1, 0.0, 0.95, 1.0).pixels(101, 50) == (11, 0, 95, 50)
 
 
 def test_bars_beside_a_photo_do_not_make_it_a_stereo_pair() -> None:

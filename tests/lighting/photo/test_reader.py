@@ -124,7 +124,9 @@ CONVERSION = 10  # bytes per pixel; pictures of fewer pixels than a strip are co
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-@pytest.mark.parametrize("kind", MEASURED)
+@pytest.mark.parametrize(
+    "kind", [next(iter(MEASURED)), *(pytest.param(k, marks=pytest.mark.thorough) for k in [*MEASURED][1:])]
+)
 def test_a_decoder_needs_no_more_than_the_table_says(kind: str, tmp_path: Path) -> None:
     large, small = tmp_path / "large", tmp_path / "small"
     large.write_bytes(KINDS[kind](*SIZE))
@@ -629,3 +631,15 @@ def test_threads_leave_the_warning_filters_as_they_were() -> None:
     with ThreadPoolExecutor(4) as pool:
         assert all(photo.width == 160 for photo in pool.map(read_photo, data))
     assert list(warnings.filters) == before
+
+
+@pytest.mark.parametrize("name", ["find_layout", "upright_pixels", "read_tags", "read_color_encoding", "read_metadata"])
+def test_a_fault_of_ours_is_no_damaged_photo(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It reaches whoever can repair it: of the service as status 500, which it logs."""
+
+    def fault(*_: object, **__: object) -> None:
+        raise NameError("name 'missing' is not defined")
+
+    monkeypatch.setattr(f"lighting.photo.reader.{name}", fault)
+    with pytest.raises(NameError):
+        read_photo(encode(scene(64, 48)))

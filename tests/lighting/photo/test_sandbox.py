@@ -125,8 +125,7 @@ def test_what_takes_too_long_is_stopped_and_the_next_photo_is_read(decoder: _Dec
 @pytest.mark.skipif(sys.platform != "linux", reason="the bound is Linux's")
 def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A process with so little allowance that 12 megapixels do not fit."""
-    frugal = "import lighting.photo.sandbox as d; d.memory_budget = lambda size, *_: size + 2 * 10**7; "
-    monkeypatch.setattr(sandbox, "_WORKER_CODE", frugal + sandbox._WORKER_CODE)
+    monkeypatch.setattr(sandbox, "memory_budget", lambda size, *_: size + 2 * 10**7)
     small = _DecoderProcess()
     try:
         with pytest.raises(PhotoTooLargeError, match="needs more memory than its limit"):
@@ -338,9 +337,10 @@ def test_it_has_given_up_what_it_does_not_need(decoder: _DecoderProcess, monkeyp
 @pytest.mark.skipif(sys.platform != "linux" or os.getuid() != 0, reason="nobody but root can become another user")
 def test_every_kind_is_read_by_who_is_no_superuser(monkeypatch: pytest.MonkeyPatch) -> None:
     """HEIC's decoder starts a thread, and no module can be loaded once the process is confined."""
-    humble = "import os, resource, lighting.runtime as r; c = r.confine_process; "
-    humble += "r.confine_process = lambda: (os.setgroups([]), os.setgid(65534), os.setuid(65534), c()); "
+    humble = "import os, resource, lighting.photo.sandbox as s; c = s.confine_process; "
+    humble += "s.confine_process = lambda: (os.setgroups([]), os.setgid(65534), os.setuid(65534), c()); "
     monkeypatch.setattr(sandbox, "_WORKER_CODE", humble + sandbox._WORKER_CODE)
+    monkeypatch.setattr("lighting.runtime.limit_address_space", lambda *_: None)  # of another user's process
     decoder = _DecoderProcess()
     try:
         for data in seeds():

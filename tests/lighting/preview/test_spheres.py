@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from lighting.color import luminance, srgb_decode, srgb_encode, tone_map
-from lighting.envmap.render import render, sun_irradiance
+from lighting.envmap.render import render, sun_light
 from lighting.geometry import (
     EYE_HEIGHT,
     Floats,
@@ -83,7 +83,7 @@ def path_tracer(lighting: Lighting) -> Any:
     level = mi.ScalarTransform4f().rotate([1, 0, 0], -90).scale(500)
     ground = {"type": "diffuse", "reflectance": color([lighting.ground_albedo] * 3)}
     sky = mi.Bitmap(render(lighting, 256, disc=False))
-    sun = {"direction": (-lighting.sun_direction).tolist(), "irradiance": color(sun_irradiance(lighting))}
+    sun = {"direction": (-lighting.sun_direction).tolist(), "irradiance": color(sun_light(lighting)[0])}
     balls = zip(CENTERS.tolist(), surfaces, strict=True)
     return mi.load_dict({
         "type": "scene",

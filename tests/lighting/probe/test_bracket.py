@@ -221,7 +221,7 @@ def test_a_stated_offset_wins_over_the_files_and_says_so(tmp_path: Path) -> None
     found = shot.instants(UserInput(utc_offset=5.0))
     assert found.likeliest is not None
     assert found.likeliest.utc_time == datetime(2024, 6, 1, 6, 0, tzinfo=UTC)
-    assert "+05:00, replaced that of the photo, +02:00" in found.warnings[0]
+    assert "+05:00, replaced the file's, +02:00" in found.warnings[0]
 
 
 def bracket(radiance: NDArray[np.floating[Any]], electrons: float = 1e12, full: int = 2**14 - 1) -> Bracket:

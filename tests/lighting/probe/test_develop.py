@@ -18,7 +18,7 @@ from export.reports.probe import (
     _rotation_between,
 )
 from lighting.color import luminance
-from lighting.envmap.render import render, sun_irradiance
+from lighting.envmap.render import render, sun_light
 from lighting.errors import ProbeError
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import angle_between, angles, camera_axes, direction, latlong_directions
@@ -240,10 +240,10 @@ def test_the_model_gives_the_light_back_that_was_clipped() -> None:
     assert spot is not None
     filled, sun, fit = _fill_sun(cut, clipped, spot)
     assert fit.turbidity == pytest.approx(3.0, abs=0.1)
-    assert sun.irradiance == pytest.approx(sun_irradiance(LIGHTING), rel=0.05)
+    assert sun.irradiance == pytest.approx(sun_light(LIGHTING)[0], rel=0.05)
     found = find_sun_blob(filled, np.zeros_like(clipped))
     assert found is not None
-    assert found.irradiance == pytest.approx(sun_irradiance(LIGHTING), rel=0.05)
+    assert found.irradiance == pytest.approx(sun_light(LIGHTING)[0], rel=0.05)
     far = latlong_directions(128) @ LIGHTING.sun_direction < 0.99
     assert filled[far] == pytest.approx(cut[far])
 

@@ -5,7 +5,7 @@ import pytest
 
 from export.data.panoramas import decode_srgb
 from export.data.rendered_panoramas import render_panorama
-from lighting.envmap.render import render, sun_irradiance
+from lighting.envmap.render import render, sun_light
 from lighting.errors import ProbeError
 from lighting.geometry import angle_between, direction, latlong_angles, latlong_directions
 from lighting.probe.sky_fit import (
@@ -169,7 +169,7 @@ def test_the_sun_is_found_with_its_power(azimuth: float) -> None:
     assert not spot.clipped
     # The disc lies in one or two of the map's pixels of 0.7 deg.
     assert angle_between(spot.direction, lighting.sun_direction) < 0.15
-    assert spot.irradiance == pytest.approx(sun_irradiance(lighting), rel=0.01)
+    assert spot.irradiance == pytest.approx(sun_light(lighting)[0], rel=0.01)
 
 
 def test_a_clipped_sun_is_found_in_the_middle_of_what_is_clipped() -> None:

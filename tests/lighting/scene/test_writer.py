@@ -1,6 +1,5 @@
 """Scenes as folders and archives: whole or not at all, and nobody else's files."""
 
-import fcntl
 import inspect
 import json
 import os
@@ -44,6 +43,8 @@ def test_a_new_folder_holds_the_scene_alone(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has neither")
 def test_a_scene_has_the_process_s_permissions_and_removes_what_killed_ones_left(tmp_path: Path) -> None:
+    import fcntl
+
     left = [tmp_path / f".lighting-scene-{number:016x}" for number in range(3)]
     for folder in left:
         folder.mkdir()

@@ -387,7 +387,7 @@ def test_a_stated_offset_wins_over_the_files_and_says_so(tmp_path: Path) -> None
     fill(tmp_path, 3, OffsetTimeOriginal="+02:00")
     shots = read_day_photos(tmp_path, user_input=UserInput(utc_offset=1.0))
     assert shots.times[0] == np.datetime64("2024-06-21T09:00:00")
-    assert "+01:00, replaced that of the photo, +02:00" in shots.warnings[0]
+    assert "+01:00, replaced the file's, +02:00" in shots.warnings[0]
 
 
 def test_a_clock_without_an_offset_is_of_the_zone_of_the_place(tmp_path: Path) -> None:

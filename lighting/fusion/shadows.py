@@ -1,0 +1,326 @@
+"""The sun's direction by shadows that a person marks in a photo.
+
+Four marks are read, each a likelihood over the directions of the sun:
+
+- a shadow on level ground, from the foot of what casts it to its tip: the sun's azimuth; with the thing's top, its
+  elevation, too;
+- the shadow of the camera itself, or of the head beside it: it lies opposite the sun;
+- a line of shadow without a foot: the sun's azimuth, or the opposite one;
+- a lit and a shaded side of an upright thing: half of all azimuths.
+
+A person's hand and the estimated camera blur each of them to first order. Some marks are wrong altogether: another
+thing's shadow, the wrong end, a slope. So a share of each likelihood is the same everywhere.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.errors import ErrorCode, ParameterError
+from lighting.geometry import Floats, Pinhole, angles, wrap_azimuth
+
+Point = tuple[float, float]
+
+HAND_STD = 0.01  # of a marked point, as a share of the photo's longer side: the median of 88 sure marks
+OUTLIER_RATE = 0.1  # share of marks that are wrong altogether: 8 % of 97 sure ones
+_CAMERA_STD = (1.8, 2.0, 0.08)  # of the estimated camera: elevation and roll, deg; the field of view's tangent, a share
+_AZIMUTH_STD, _ELEVATION_STD = 3.0, 3.0  # deg, of ground that is not quite level and things not quite upright
+_OWN_STD = 2.5  # deg, of the camera's own shadow, whose middle has no mark
+_HEAD_STD = 6.0  # deg of azimuth, of a head's shadow, which is not the camera's
+_SIDE_STD = 12.0  # deg of azimuth over which a lit side turns to shade
+_MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
+_MIN_LENGTH = 3.0  # pixels, of a mark
+_STEP = 1e-3  # of the numerical derivatives: deg, and shares
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """The shadow of an upright thing on level ground; points are (x, y) pixels of the upright photo."""
+
+    foot: Point
+    """Where the thing stands, at whose foot its shadow begins."""
+    tip: Point
+    """Where its shadow ends, or the photo."""
+    top: Point | None = None
+    """The thing's upper end, whose shadow the tip is. None: not in the picture, or the tip is not."""
+
+
+@dataclass(frozen=True)
+class OwnShadow:
+    """The shadow of the camera, or of the head of who holds it; the point is (x, y) pixels of the upright photo."""
+
+    point: Point
+    """Its middle."""
+    is_head: bool = False
+    """Whether it is the head's, which tells the azimuth alone."""
+
+
+@dataclass(frozen=True)
+class ShadowLine:
+    """A straight edge of a shadow on level ground, cast by something upright; points as in `Shadow`, in any order."""
+
+    start: Point
+    """One point on it."""
+    end: Point
+    """Another one."""
+
+
+@dataclass(frozen=True)
+class LitSide:
+    """The two sides of a wall's corner, a post or a trunk; points as in `Shadow`."""
+
+    shaded: Point
+    """On the side in shade."""
+    lit: Point
+    """On the side that the sun lights."""
+
+
+ShadowMark = Shadow | OwnShadow | ShadowLine | LitSide
+
+
+def marked_points(mark: ShadowMark) -> list[Point]:
+    """Return the points of a mark, (x, y) in its own order.
+
+    Args:
+        mark: of any kind.
+    """
+    points = [getattr(mark, name) for name in mark.__dataclass_fields__]
+    return [point for point in points if isinstance(point, tuple)]
+
+
+def move_mark(mark: ShadowMark, right: float, down: float) -> ShadowMark:
+    """Return a mark whose points are moved.
+
+    Args:
+        mark: of any kind.
+        right: pixels.
+        down: pixels.
+    """
+    values = {name: getattr(mark, name) for name in mark.__dataclass_fields__}
+    moved: Any = {name: (p[0] + right, p[1] + down) for name, p in values.items() if isinstance(p, tuple)}
+    return replace(mark, **moved)
+
+
+def read_shadow(text: str) -> ShadowMark:
+    """Read a mark as the command line and HTTP write it.
+
+    Args:
+        text: pixels of the upright photo: "FOOT_X,FOOT_Y,TIP_X,TIP_Y" of a shadow, with ",TOP_X,TOP_Y" where the
+            thing's top is seen; "own:X,Y" or "head:X,Y"; "line:X,Y,X,Y"; "lit:X,Y,X,Y" from the shaded to the lit side.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    kind, colon, numbers = text.strip().rpartition(":")
+    try:
+        values = [float(number) for number in numbers.split(",")]
+    except ValueError:
+        values = []
+    points = list(zip(values[::2], values[1::2], strict=False)) if len(values) % 2 == 0 else []
+    make = _KINDS.get(kind) if kind or not colon else None
+    if make is None or len(points) not in make[0]:
+        sentence = f"{text!r} is no shadow such as 310,820,455,790 (foot and tip), own:300,900 or lit:500,400,560,400."
+        raise ParameterError(sentence, "shadows", ErrorCode.MALFORMED)
+    return make[1](*points)
+
+
+_KINDS: dict[str, tuple[tuple[int, ...], Callable[..., ShadowMark]]] = {  # by prefix: how many points, and the mark
+    "": ((2, 3), Shadow),
+    "own": ((1,), OwnShadow),
+    "head": ((1,), partial(OwnShadow, is_head=True)),
+    "line": ((2,), ShadowLine),
+    "lit": ((2,), LitSide),
+}
+
+
+def check_marks(marks: object) -> None:
+    """Raise ParameterError for what are no marks, or marks that say nothing.
+
+    Args:
+        marks: what a caller passed as a tuple of marks.
+    """
+    if not isinstance(marks, tuple) or not all(isinstance(mark, ShadowMark) for mark in marks):
+        sentence = "Shadows are a tuple of Shadow, OwnShadow, ShadowLine and LitSide."
+        raise ParameterError(sentence, "shadows", ErrorCode.WRONG_TYPE)
+    for mark in marks:
+        points = marked_points(mark)
+        for point in points:
+            if len(point) != 2 or not all(isinstance(v, int | float) and math.isfinite(v) for v in point):
+                sentence = "A point of a shadow is two numbers, x and y in pixels."
+                raise ParameterError(sentence, "shadows", ErrorCode.WRONG_TYPE)
+        if len(points) > 1 and math.dist(points[0], points[1]) < _MIN_LENGTH:
+            sentence = "The two ends of a shadow are the same point; mark where it begins and where it ends."
+            raise ParameterError(sentence, "shadows", ErrorCode.CONTRADICTION)
+
+
+def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> Floats:
+    """Return how likely a mark is for each direction (N,) of the sun, up to a factor.
+
+    Args:
+        mark: in pixels of the camera's picture.
+        camera: estimated; its azimuth is 0.
+        directions: (N, 3) unit vectors towards the sun.
+
+    Raises:
+        ParameterError: a point of the ground lies at or over the horizon, or outside of the picture.
+    """
+    for x, y in marked_points(mark):
+        if not (0 <= x <= camera.width and 0 <= y <= camera.height):
+            size = f"{camera.width} x {camera.height}"
+            sentence = f"The point {x:.0f},{y:.0f} of a shadow lies outside of the photo, which has {size} pixels."
+            raise ParameterError(sentence, "shadows", ErrorCode.OUT_OF_RANGE)
+    azimuth, elevation = angles(directions)
+    match mark:
+        case LitSide():
+            return _side_likelihood(mark, camera, azimuth)
+        case OwnShadow():
+            return _own_likelihood(mark, camera, azimuth, elevation)
+        case ShadowLine():
+            value, std = _propagate(lambda c, p: _ground_azimuth(c, p[0], p[1]), camera, marked_points(mark))
+            either = [_gaussian(wrap_azimuth(azimuth - value[0] - turn), std[0, 0]) for turn in (0.0, 180.0)]
+            return _mix((either[0] + either[1]) / 2, 360.0)
+        case Shadow():
+            return _shadow_likelihood(mark, camera, azimuth, elevation)
+
+
+def implied_azimuth(mark: ShadowMark, camera: Pinhole) -> float | None:
+    """Return the sun's azimuth [deg, -180 to 180] that a mark states; None where it leaves two or more open.
+
+    Args:
+        mark: in pixels of the camera's picture.
+        camera: estimated; its azimuth is 0.
+    """
+    if isinstance(mark, OwnShadow):
+        return float(angles(-_ray(camera, mark.point))[0])
+    return float(_ground_azimuth(camera, mark.foot, mark.tip)[0]) if isinstance(mark, Shadow) else None
+
+
+def _shadow_likelihood(mark: Shadow, camera: Pinhole, azimuth: Floats, elevation: Floats) -> Floats:
+    """Of a shadow with its foot."""
+    points = marked_points(mark)
+    if mark.top is None:
+        value, covariance = _propagate(lambda c, p: _ground_azimuth(c, p[0], p[1]), camera, points)
+        return _mix(_gaussian(wrap_azimuth(azimuth - value[0]), covariance[0, 0]), 360.0)
+    value, covariance = _propagate(lambda c, p: _sun_of_shadow(c, *p), camera, points)
+    error = np.stack([wrap_azimuth(azimuth - value[0]), elevation - value[1]], axis=-1)
+    squared = np.einsum("ni,ij,nj->n", error, np.linalg.inv(covariance), error)
+    density = np.exp(-0.5 * squared) / (2 * math.pi * math.sqrt(np.linalg.det(covariance)))
+    return _mix(density, 360.0 * 90.0)
+
+
+def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation: Floats) -> Floats:
+    """Of the camera's own shadow, which lies opposite the sun."""
+    opposite = -_ray(camera, mark.point)
+    if opposite[1] < math.sin(math.radians(_MIN_DESCENT)):
+        raise ParameterError(_HORIZON, "shadows", ErrorCode.OUT_OF_RANGE)
+    value, covariance = _propagate(lambda c, p: np.stack(angles(-_ray(c, p[0]))), camera, [mark.point])
+    own = (_HEAD_STD if mark.is_head else _OWN_STD) ** 2 - _AZIMUTH_STD**2
+    by_azimuth = _gaussian(wrap_azimuth(azimuth - value[0]), covariance[0, 0] + max(own, 0.0))
+    if mark.is_head:
+        return _mix(by_azimuth, 360.0)
+    return _mix(by_azimuth * _gaussian(elevation - value[1], covariance[1, 1]), 360.0 * 90.0)
+
+
+def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats) -> Floats:
+    """Of a lit side: the sun stands on that side of the line of sight, wherever in depth."""
+    shaded, lit = (angles(_ray(camera, point))[0] for point in (mark.shaded, mark.lit))
+    between = shaded + wrap_azimuth(lit - shaded) / 2
+    beside = np.degrees(np.arcsin(np.sin(np.radians(azimuth - between)))) * np.sign(wrap_azimuth(lit - shaded))
+    share = 1.0 / (1.0 + np.exp(-1.7 * beside / _SIDE_STD))
+    return np.asarray((1 - OUTLIER_RATE) * share + OUTLIER_RATE / 2)
+
+
+_HORIZON = "A point of a shadow lies at the horizon or over it, where no ground is; mark a nearer shadow."
+
+
+def _propagate(
+    function: Callable[[Pinhole, Sequence[Point]], Floats], camera: Pinhole, points: Sequence[Point]
+) -> tuple[Floats, Floats]:
+    """The values (K,) of a function of camera and points [deg], and their covariance (K, K) [deg2] to first order."""
+    hand = HAND_STD * max(camera.width, camera.height)
+    flat = np.array([*np.ravel(points), 0.0, 0.0, 0.0])
+    stds = np.array([*(hand,) * (2 * len(points)), *_CAMERA_STD])
+    steps = np.array([*(0.1,) * (2 * len(points)), *(_STEP,) * 3])
+
+    def at(values: Floats) -> Floats:
+        elevation, roll, log_tangent = values[-3:]
+        half = math.atan(math.tan(math.radians(camera.vertical_fov / 2)) * math.exp(log_tangent))
+        moved = replace(
+            camera,
+            vertical_fov=2 * math.degrees(half),
+            elevation=camera.elevation + float(elevation),
+            roll=camera.roll + float(roll),
+        )
+        return function(moved, [(float(x), float(y)) for x, y in values[:-3].reshape(-1, 2)])
+
+    value = at(flat)
+    columns = [
+        wrap_azimuth(at(flat + step * unit) - at(flat - step * unit)) / (2 * step)
+        for step, unit in zip(steps, np.eye(len(flat)), strict=True)
+    ]
+    scaled = np.stack(columns, axis=-1) * stds
+    floor = np.diag(np.array([_AZIMUTH_STD, _ELEVATION_STD])[: len(value)] ** 2)
+    return value, scaled @ scaled.T + floor
+
+
+def _ray(camera: Pinhole, point: Point) -> Floats:
+    """The unit vector (3,) through a pixel."""
+    x, y = (point[0] - camera.width / 2) / camera.focal_length, (camera.height / 2 - point[1]) / camera.focal_length
+    ray = np.array([x, y, 1.0]) @ camera.axes
+    return np.asarray(ray / np.linalg.norm(ray))
+
+
+def _ground_point(camera: Pinhole, point: Point) -> Floats:
+    """The point (3,) of the ground behind a pixel, of a camera that stands 1 above it."""
+    ray = _ray(camera, point)
+    if ray[1] > -math.sin(math.radians(_MIN_DESCENT)):
+        raise ParameterError(_HORIZON, "shadows", ErrorCode.OUT_OF_RANGE)
+    return np.asarray(ray / -ray[1])
+
+
+def _ground_azimuth(camera: Pinhole, foot: Point, tip: Point) -> Floats:
+    """The azimuth (1,) [deg] from the tip of a shadow to its foot, which is the sun's."""
+    return np.atleast_1d(angles(_ground_point(camera, foot) - _ground_point(camera, tip))[0])
+
+
+def _sun_of_shadow(camera: Pinhole, foot: Point, tip: Point, top: Point) -> Floats:
+    """The sun's azimuth and elevation (2,) [deg] of a shadow whose thing's top is seen."""
+    base, end, ray = _ground_point(camera, foot), _ground_point(camera, tip), _ray(camera, top)
+    level = base[0] * ray[0] + base[2] * ray[2]
+    height = 1.0 + ray[1] * (base[0] ** 2 + base[2] ** 2) / level  # over the foot, where the ray passes above it
+    shadow = math.hypot(end[0] - base[0], end[2] - base[2])
+    return np.array([angles(base - end)[0], math.degrees(math.atan2(height, shadow))])
+
+
+def _gaussian(error: Floats, variance: float) -> Floats:
+    return np.asarray(np.exp(-0.5 * error**2 / variance) / math.sqrt(2 * math.pi * variance))
+
+
+def _mix(density: Floats, extent: float) -> Floats:
+    """A density with its share of marks that are wrong altogether, which lie anywhere in the extent [deg, deg2]."""
+    return np.asarray((1 - OUTLIER_RATE) * density + OUTLIER_RATE / extent)
+
+
+def fuse_shadows(
+    probability: NDArray[np.float32], marks: Sequence[ShadowMark], camera: Pinhole, cells: Floats
+) -> NDArray[np.float32]:
+    """Return the sun's probabilities (N,) by the pixels and by what a person marked.
+
+    Args:
+        probability: (N,) by the pixels, sums to 1.
+        marks: in pixels of the camera's picture.
+        camera: estimated; its azimuth is 0.
+        cells: (N, 3) unit vectors.
+
+    Raises:
+        ParameterError: a mark says nothing, see `shadow_likelihood`.
+    """
+    fused = np.asarray(probability, dtype=np.float64)
+    for mark in marks:
+        fused = fused * shadow_likelihood(mark, camera, cells)
+    return np.asarray(fused / fused.sum(), dtype=np.float32)

@@ -1,0 +1,169 @@
+"""What stands still in a clip while its picture moves: borders, and lettering burnt into it.
+
+Borders are those of photos (photo/borders.py), where most of some frames agree on them. Lettering is found as
+watermarks are [1], by the gradients that stay where they are: nearly all frames have there what is their median. A
+straight horizon stays, too, while the camera pans along it; so there must be gradients of every direction.
+
+References:
+    [1] Dekel, Rubinstein, Liu and Freeman, On the Effectiveness of Visible Watermarks, CVPR 2017.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.color import luminance
+from lighting.geometry import Floats
+from lighting.photo.borders import Layout, Rectangle, find_layout
+from lighting.photo.reader import MAX_ASPECT, MIN_SIDE, describe_layout
+from lighting.records import CodedWarning, WarningCode
+
+Pixels = NDArray[np.uint8]
+
+SAMPLE_SIDE = 512  # pixels of the longer side of the frames that are compared
+
+_SAME_EDGE = 0.02  # of a side, by which a border's edges may differ from frame to frame
+_MIN_OVERLAY_SAMPLES = 4  # frames that differ, below which nothing is said to stand still
+_MIN_CHANGE = 4.0  # gray levels, mean difference of frames that differ
+_MIN_GRADIENT = 8.0  # gray levels from pixel to pixel that count as contrast
+_MIN_LIKENESS = 0.5  # of the median gradient that a frame has of it, to count as alike
+_MIN_ALIKE = 0.9  # of the frames that are alike, where a gradient stays
+_MIN_CORNER = 0.15  # of the staying gradients' energy that lies across their main direction
+_WINDOW = 9  # pixels, within which gradients have every direction
+_MARGIN = 3  # pixels about what stands still that are covered with it
+_MIN_OVERLAY_SHARE = 0.008  # of the picture that lettering covers
+_MAX_STILL_SHARE = 0.85  # of what has contrast, from which the camera stands still
+_DOUBTFUL_SHARE = 0.5  # the same, from which too little is left of the world
+_BLACKEST, _WHITEST, _MAX_CHROMA = 0.06, 0.78, 0.26  # of a logarithmic picture's signals, met by 0.4 % of photos
+_OVERLAY = "Lettering stands still in the picture and covers {:.0f} % of it: it was left out."
+_MOSTLY_STILL = "Most of what stands out in the picture stands still while the rest moves: headings may be off."
+
+
+@dataclass(frozen=True, eq=False)
+class Framing:
+    """What of a clip's upright picture is the world."""
+
+    crop: Rectangle | None = None
+    """The picture inside a border; None: all of it."""
+    overlay: NDArray[np.bool_] | None = None
+    """(h, w) of the cropped picture, where lettering covers it; None: nowhere."""
+    warnings: tuple[CodedWarning, ...] = ()
+    """Sentences for people."""
+
+
+def find_framing(samples: Sequence[Pixels], size: tuple[int, int]) -> Framing:
+    """Find a clip's border and the lettering in it.
+
+    Args:
+        samples: (h, w, 3) sRGB each, frames of the clip, of one size.
+        size: width and height of the clip's upright picture, pixels.
+    """
+    crop, warnings = _find_border(samples, size)
+    if crop is not None:
+        left, top, right, bottom = crop.pixels(samples[0].shape[1], samples[0].shape[0])
+        samples = [sample[top:bottom, left:right] for sample in samples]
+    overlay, doubts = _find_overlay(samples)
+    return Framing(crop, overlay, (*warnings, *doubts))
+
+
+def _find_border(samples: Sequence[Pixels], size: tuple[int, int]) -> tuple[Rectangle | None, tuple[CodedWarning, ...]]:
+    """The picture inside a border, where most frames agree on it, and what is to be said of it."""
+    layouts = [find_layout(sample) for sample in samples]
+    if 2 * sum(layout.is_collage for layout in layouts) > len(layouts):
+        return None, tuple(describe_layout(Layout(is_collage=True), *size))
+    framed = [layout for layout in layouts if layout.photo is not None]
+    edges = np.array([_edges(layout.photo) for layout in framed if layout.photo is not None]).reshape(-1, 4)
+    if not framed:
+        return None, ()
+    agreeing = np.abs(edges - np.median(edges, axis=0)).max(axis=1) <= _SAME_EDGE
+    if 2 * np.count_nonzero(agreeing) <= len(samples):
+        return None, ()
+    left, top = edges[agreeing, :2].min(axis=0).tolist()  # a dark frame may hide where the picture begins
+    right, bottom = edges[agreeing, 2:].max(axis=0).tolist()
+    crop = Rectangle(left, top, right, bottom)
+    x, y, x_end, y_end = crop.pixels(*size)
+    width, height = x_end - x, y_end - y
+    if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
+        return None, ()
+    is_stereo_pair = 2 * sum(layout.is_stereo_pair for layout in framed) > len(framed)
+    return crop, tuple(describe_layout(Layout(crop, is_stereo_pair=is_stereo_pair), width, height, "picture"))
+
+
+def _edges(rectangle: Rectangle) -> tuple[float, float, float, float]:
+    return rectangle.left, rectangle.top, rectangle.right, rectangle.bottom
+
+
+def _find_overlay(samples: Sequence[Pixels]) -> tuple[NDArray[np.bool_] | None, tuple[CodedWarning, ...]]:
+    """Where (h, w) lettering stands still before a world that moves, and what is to be said of it."""
+    grays = _differing([luminance(sample).astype(np.float32) for sample in samples])
+    if len(grays) < _MIN_OVERLAY_SAMPLES:
+        return None, ()
+    across, down = (np.stack([np.gradient(gray, axis=axis) for gray in grays]) for axis in (1, 0))
+    middle = np.median(across, axis=0), np.median(down, axis=0)
+    size = np.hypot(*middle)
+    along, aside = middle[0] * across + middle[1] * down, middle[0] * down - middle[1] * across
+    alike = (along >= _MIN_LIKENESS * size**2) & (_MIN_LIKENESS * along <= size**2)
+    alike &= np.abs(aside) <= _MIN_LIKENESS * size**2
+    staying = (size >= _MIN_GRADIENT) & (alike.mean(axis=0) >= _MIN_ALIKE)
+    contrast = float(np.mean(np.hypot(across, down) >= _MIN_GRADIENT))
+    share = float(np.mean(staying)) / max(contrast, 1e-6)
+    if share >= _MAX_STILL_SHARE:
+        return None, ()
+    covered = _spread(staying & _has_corners(*(np.where(staying, part, 0.0) for part in middle)), _MARGIN)
+    if (area := float(covered.mean())) < _MIN_OVERLAY_SHARE:
+        return None, ()
+    sentences = [_OVERLAY.format(100.0 * area)] + [_MOSTLY_STILL] * (share >= _DOUBTFUL_SHARE)
+    return covered, tuple(CodedWarning(sentence, WarningCode.OVERLAY) for sentence in sentences)
+
+
+def _differing(grays: Sequence[NDArray[np.float32]]) -> list[NDArray[np.float32]]:
+    """The frames (h, w) that differ from those before them: while the camera stands, everything stays."""
+    kept: list[NDArray[np.float32]] = []
+    for gray in grays:
+        if all(float(np.abs(gray - other)[::2, ::2].mean()) >= _MIN_CHANGE for other in kept):
+            kept.append(gray)
+    return kept
+
+
+def _has_corners(across: Floats, down: Floats) -> NDArray[np.bool_]:
+    """Where (h, w) gradients about a pixel have every direction, by the eigenvalues of their structure tensor."""
+    xx, yy, xy = (_mean_about(product) for product in (across * across, down * down, across * down))
+    total, difference = xx + yy, np.hypot(xx - yy, 2.0 * xy)
+    return np.asarray(total - difference >= _MIN_CORNER * np.maximum(total + difference, 1e-6))
+
+
+def _mean_about(values: Floats) -> Floats:
+    """The mean of a window about each pixel (h, w)."""
+    for axis in (0, 1):
+        padding = [(0, 0), (0, 0)]
+        padding[axis] = (_WINDOW // 2 + 1, _WINDOW // 2)
+        total = np.cumsum(np.pad(values, padding), axis=axis)
+        first, last = (total.take(np.arange(start, start + values.shape[axis]), axis=axis) for start in (0, _WINDOW))
+        values = (last - first) / _WINDOW
+    return values
+
+
+def _spread(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """The mask (h, w) with all pixels that are so near to it [pixels]."""
+    for axis in (0, 1):
+        padding = [(0, 0), (0, 0)]
+        padding[axis] = (reach, reach)
+        padded = np.pad(mask, padding)
+        size = mask.shape[axis]
+        shifted = [padded.take(np.arange(step, step + size), axis=axis) for step in range(2 * reach + 1)]
+        mask = np.any(shifted, axis=0)
+    return mask
+
+
+def looks_logarithmic(samples: Sequence[Pixels]) -> bool:
+    """Tell whether a clip looks as if a camera's logarithm was not undone: neither dark nor bright, and pale.
+
+    Args:
+        samples: (h, w, 3) each, frames of the clip as they are coded.
+    """
+    pixels = np.concatenate([sample[::4, ::4].reshape(-1, 3) for sample in samples]) / np.float32(255.0)
+    darkest, brightest = np.percentile(luminance(pixels), [0.5, 99.5])
+    chroma = np.percentile(pixels.max(axis=1) - pixels.min(axis=1), 95)
+    return bool(darkest >= _BLACKEST and brightest <= _WHITEST and chroma <= _MAX_CHROMA)

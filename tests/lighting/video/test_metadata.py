@@ -1,0 +1,372 @@
+"""What clips' files say of how they were taken: tags, subtitles, XML; and how the pixels choose among their clocks."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+from lighting.fusion.estimate import build_estimate
+from lighting.fusion.single_view import fuse
+from lighting.fusion.user_input import UserInput
+from lighting.photo.metadata import PhotoMetadata
+from lighting.records import Lighting, WarningCode, warning_code
+from lighting.video.decode import Clip
+from lighting.video.metadata import (
+    Gimbal,
+    container_metadata,
+    find_log_curve,
+    merge_metadata,
+    read_subtitles,
+    subtitle_metadata,
+    xml_metadata,
+)
+from lighting.video.tracking import ClipMetadata
+from tests.helpers.clips import pan, write_clip
+from tests.helpers.predictions import lobe_prediction
+
+DJI = """1
+00:00:00,000 --> 00:00:00,033
+<font size="28">FrameCnt: 1, DiffTime: 33ms
+2024-06-01 09:10:00.123
+[iso: 100] [shutter: 1/1000.0] [fnum: 2.8] [focal_len: 24.00] [latitude: 48.1375] [longitude: 11.575]
+[rel_alt: 10.0 abs_alt: 530.0] [gb_yaw: 350.0 gb_pitch: -10.0 gb_roll: 0.5] </font>
+
+2
+00:00:02,000 --> 00:00:02,033
+<font size="28">FrameCnt: 61, DiffTime: 33ms
+2024-06-01 09:10:02.123
+[iso: 100] [focal_len: 24.00] [latitude: 48.1375] [longitude: 11.575]
+[gb_yaw: 10.0 gb_pitch: -20.0 gb_roll: 0.5] </font>
+"""
+
+
+def _read(text: str, width: int, height: int) -> tuple[PhotoMetadata, Gimbal]:
+    """Of an SRT file."""
+    blocks = text.split("\n\n")
+    return subtitle_metadata([(2.0 if "00:00:02,000 -->" in b else 0.0, b) for b in blocks], width, height)
+
+
+def test_a_phone_from_apple_tells_time_zone_place_and_lens() -> None:
+    facts = container_metadata(
+        {
+            "com.apple.quicktime.location.ISO6709": "+48.1375+011.5750+520.000/",
+            "com.apple.quicktime.creationdate": "2024-06-01T09:10:00+0200",
+            "com.apple.quicktime.camera.focal_length.35mm_equivalent": "26",
+            "creation_time": "2024-06-01T09:00:00.000000Z",
+        },
+        1920,
+        1080,
+    )
+    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
+    assert facts.utc_offset == 2.0
+    assert (facts.latitude, facts.longitude) == (48.1375, 11.575)
+    assert facts.vertical_fov == pytest.approx(44.4, abs=0.3)  # a diagonal of 43.27 mm at 26 mm, on 16:9
+
+
+def test_a_phone_with_android_tells_utc_and_a_western_place() -> None:
+    noted = {"location": "+40.7128-074.0060/", "creation_time": "2024-06-01T12:00:00.000000Z"}
+    facts = container_metadata(noted, 640, 360)
+    assert (facts.local_time, facts.utc_offset) == (datetime(2024, 6, 1, 12), 0.0)
+    assert facts.longitude == -74.006
+
+
+@pytest.mark.parametrize(
+    "metadata",
+    [
+        {"location": "+95.0+011.0/"},
+        {"location": "+00.0000+000.0000/"},
+        {"location": "somewhere"},
+        {"creation_time": "1904-01-01T00:00:00.000000Z"},
+        {"creation_time": "yesterday"},
+        {"com.apple.quicktime.camera.focal_length.35mm_equivalent": "nan"},
+    ],
+)
+def test_what_cannot_be_true_is_absent(metadata: dict[str, str]) -> None:
+    facts = container_metadata(metadata, 640, 360)
+    assert [facts.latitude, facts.local_time, facts.vertical_fov] == [None] * 3
+
+
+def test_subtitles_of_a_drone_tell_place_lens_clock_and_gimbal() -> None:
+    facts, gimbal = _read(DJI, 1920, 1080)
+    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
+    assert facts.latitude == 48.1375
+    assert facts.focal_length == 24.0
+    assert gimbal.at(1.0) == pytest.approx((0.0, -15.0, 0.5))  # half-way from 350 to 10 deg, over north
+    assert gimbal.at(60.0) is None
+
+
+def test_a_gimbal_on_its_head_points_where_the_upper_edge_of_its_picture_does() -> None:
+    """DJI's may count straight down in two ways, half a turn of yaw and roll apart, and change between them."""
+    down = DJI.replace("gb_yaw: 350.0 gb_pitch: -10.0 gb_roll: 0.5", "gb_yaw: 100.0 gb_pitch: -90.0 gb_roll: 0.0")
+    down = down.replace("gb_yaw: 10.0 gb_pitch: -20.0 gb_roll: 0.5", "gb_yaw: -80.0 gb_pitch: -90.0 gb_roll: 180.0")
+    _, gimbal = _read(down, 1920, 1080)
+    assert [gimbal.at(time)[0] for time in (0.0, 1.0, 2.0)] == pytest.approx([100.0] * 3)  # type: ignore[index]
+
+
+def test_a_roll_is_read_over_half_a_turn() -> None:
+    turned = Gimbal(np.array([0.0, 2.0]), np.zeros(2), np.zeros(2), np.array([179.0, -179.0]))
+    assert turned.at(1.0) == pytest.approx((0.0, 0.0, 180.0))
+
+
+@pytest.mark.parametrize(
+    ("said", "length"), [("24.00", 24.0), ("24", 24.0), ("240", 24.0), ("166.00", 166.0), ("2400", None), ("0", None)]
+)
+def test_a_drone_counts_its_focal_length_in_millimetres_or_tenths(said: str, length: float | None) -> None:
+    facts, _ = _read(DJI.replace("24.00", said), 1920, 1080)
+    assert facts.focal_length == pytest.approx(length)
+    assert (facts.vertical_fov is None) == (length is None)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "length"), [("10000, delta:0", 24.0), ("1.00", 24.0), ("20000, delta:0", None), ("1.50", None)]
+)
+def test_a_picture_that_is_zoomed_digitally_tells_no_lens(ratio: str, length: float | None) -> None:
+    facts, _ = _read(DJI.replace("24.00]", f"24.00] [dzoom_ratio: {ratio}]"), 1920, 1080)
+    assert facts.focal_length == length
+    assert (facts.vertical_fov is None) == (length is None)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "F/2.8, SS 1000, ISO 100, EV 0, GPS (-74.006, 40.7128, 15), D 10.2m, H 10.0m, H.S 0.0m/s",
+        "HOME(-74.01,40.71) 2017.05.04 09:10:11\nGPS(-74.006,40.7128,15) BAROMETER:9.1\nISO:100 Shutter:60 Fnum:2.2",
+    ],
+)
+def test_older_drones_write_the_longitude_first(said: str) -> None:
+    facts, gimbal = _read(f"1\n00:00:00,000 --> 00:00:01,000\n{said}\n", 1920, 1080)
+    assert (facts.latitude, facts.longitude) == (40.7128, -74.006)
+    assert facts.local_time == (datetime(2017, 5, 4, 9, 10, 11) if "HOME" in said else None)
+    assert (facts.focal_length, len(gimbal.time)) == (None, 0)
+
+
+def test_subtitles_for_viewers_say_nothing() -> None:
+    facts, gimbal = _read("1\n00:00:00,000 --> 00:00:02,000\nHello: 3 friends\n", 640, 360)
+    assert facts.latitude is None
+    assert len(gimbal.time) == 0
+
+
+def test_gimbal_angles_out_of_order_are_not_believed() -> None:
+    first, second = DJI.split("\n\n")
+    _, gimbal = _read(f"{second}\n\n{first}", 640, 360)
+    assert len(gimbal.time) == 0
+    np.testing.assert_equal(gimbal.at(1.0), None)
+
+
+def test_facts_are_merged_whole() -> None:
+    drone, _ = _read(DJI, 1920, 1080)
+    box = container_metadata({"location": "+10+010/", "creation_time": "2020-01-01T00:00:00Z"}, 1920, 1080)
+    merged = merge_metadata(drone, box)
+    assert merged.latitude == 48.1375
+    assert (merged.utc_offset, merged.utc_probability) == (None, None)  # the drone's clock, not half of each
+
+
+# Clocks: what the file's number means.
+
+PHONE, UNKNOWN = {"com.android.version": "14"}, {"encoder": "Lavf62.12.102"}
+CAMERAS = {
+    "gopro-hero7": {"firmware": "HD7.01.01.90.00"},
+    "gopro-hero12": {"firmware": "H23.01.02.32.00", "handler_name": "GoPro AVC"},
+    "canon": {"major_brand": "mp42", "compatible_brands": "isomCAEPavc1mp41"},
+    "nikon": {"major_brand": "niko"},
+    "pentax": {"make": "PENTAX"},
+}
+EVENING = datetime(2024, 6, 1, 16, 49, tzinfo=UTC)  # when the sun is 20.1 deg high in Munich
+
+
+def answer(tags: dict[str, str], sun: float, **user: Any) -> Lighting:
+    """What a clip in Munich whose pixels show a sun so high [deg] becomes."""
+    clip = ClipMetadata(container_metadata(tags, 640, 360), user_input=UserInput(lat=48.14, lon=11.58, **user))
+    prior = clip.prior_at(0.0)
+    return build_estimate(fuse(lobe_prediction(0.0, sun), prior.observations), prior).lighting
+
+
+def codes(lighting: Lighting) -> list[WarningCode]:
+    return [warning_code(warning) for warning in lighting.warnings]
+
+
+@pytest.mark.parametrize("marks", [*CAMERAS.values(), UNKNOWN], ids=[*CAMERAS, "unknown"])
+def test_local_time_in_the_place_of_utc_is_found_by_the_pixels(marks: dict[str, str]) -> None:
+    told = answer({**marks, "creation_time": "2024-06-01T18:49:00.000000Z"}, 21.0)
+    assert (told.utc_time, told.utc_offset, told.time_source) == (EVENING, 2.0, "zone of the place")
+    assert told.sun_elevation == pytest.approx(20.1, abs=0.2)
+    assert codes(told) == [WarningCode.CLOCK_CONTRADICTED]
+    assert "2024-06-01 18:49 UTC, may be local time" in told.warnings[0]
+    assert told.warnings[0].endswith("local time was used.")
+
+
+@pytest.mark.parametrize("marks", [PHONE, *CAMERAS.values(), UNKNOWN], ids=["phone", *CAMERAS, "unknown"])
+def test_true_utc_stays_and_needs_no_word_where_the_pixels_are_plain(marks: dict[str, str]) -> None:
+    told = answer({**marks, "creation_time": "2024-06-01T16:49:00.000000Z"}, 20.0)
+    assert (told.utc_time, told.time_source) == (EVENING, "offset in the file")
+    assert told.warnings == ()
+
+
+def test_a_phones_utc_stays_whatever_the_pixels_show() -> None:
+    told = answer({**PHONE, "creation_time": "2024-06-01T16:49:00Z"}, 65.0)  # as it was at noon
+    assert told.utc_time == EVENING
+    assert codes(told) == [WarningCode.ELEVATION_CONTRADICTED]
+
+
+def test_a_clip_whose_utc_would_be_night_is_no_night() -> None:
+    told = answer({**CAMERAS["nikon"], "creation_time": "2024-06-01T20:40:00Z"}, 4.0)
+    assert told.utc_time == datetime(2024, 6, 1, 18, 40, tzinfo=UTC)
+    assert told.sun_elevation == pytest.approx(2.9, abs=0.3)
+
+
+def test_utc_is_doubted_aloud_where_the_pixels_do_not_tell_it_from_local_time() -> None:
+    """At noon both suns are high."""
+    told = answer({**UNKNOWN, "creation_time": "2024-06-01T12:20:00Z"}, 60.0)
+    assert codes(told) == [WarningCode.CLOCK_CONTRADICTED]
+
+
+def test_a_stated_offset_settles_it_without_a_word() -> None:
+    told = answer({**CAMERAS["canon"], "creation_time": "2024-06-01T18:49:00Z"}, 65.0, utc_offset=2.0)
+    assert (told.utc_time, told.time_source) == (EVENING, "user")
+    assert codes(told) == [WarningCode.ELEVATION_CONTRADICTED]
+
+
+def test_where_the_clock_is_utc_there_is_nothing_to_choose() -> None:
+    clip = ClipMetadata(container_metadata({"creation_time": "2024-01-01T12:00:00Z"}, 640, 360))
+    iceland = replace(clip, user_input=UserInput(lat=64.1, lon=-21.9)).prior_at(0.0)
+    assert len(iceland.instants.instants) == 1
+    assert iceland.instants.conflict is None
+
+
+@pytest.mark.parametrize(
+    ("tags", "offset", "probability"),
+    [
+        ({"creation_time": "2024-06-01 18:49:00"}, None, None),  # of AVI, without a zone
+        ({"date": "2024-06-01T18:49:00+0200", "creation_time": "2024-06-01T18:49:00Z"}, 2.0, None),
+        ({"date": "2024", "creation_time": "2024-06-01T18:49:00Z"}, 0.0, 0.75),
+        ({"creation_time": "2024-06-01T18:49:00Z", "com.apple.quicktime.make": "Apple"}, 0.0, None),
+        ({"creation_time": "2024-06-01T18:49:00Z", "make": "Canon"}, 0.0, 0.5),
+    ],
+)
+def test_zones_are_as_the_tags_have_them(tags: dict[str, str], offset: float | None, probability: float | None) -> None:
+    metadata = container_metadata(tags, 640, 360)
+    assert metadata.local_time == datetime(2024, 6, 1, 18, 49)
+    assert (metadata.utc_offset, metadata.utc_probability) == (offset, probability)
+
+
+def test_xml_beside_a_clip_tells_the_zone(tmp_path: Path) -> None:
+    (tmp_path / "C0001M01.XML").write_text('<NonRealTimeMeta><CreationDate value="2024-06-01T18:49:00+02:00"/>')
+    path = write_clip(tmp_path / "C0001.MP4", pan(3), metadata={"creation_time": "2024-06-01T18:49:00Z"})
+    with Clip(path) as clip:
+        assert (clip.info.metadata.utc_offset, clip.info.metadata.utc_probability) == (2.0, None)
+    assert xml_metadata("<a/>") == PhotoMetadata()
+
+
+# Logarithms that files name.
+
+
+@pytest.mark.parametrize(
+    ("said", "name", "curve"),
+    [
+        ("dlog", "D-Log", "d-log"),
+        ("d_log", "D-Log", "d-log"),
+        ("D-Log M", "D-Log M", None),
+        ("dlog_m", "D-Log M", None),
+        ("default", None, None),
+        ("d_cinelike", None, None),
+    ],
+)
+def test_djis_subtitles_name_the_curve(said: str, name: str | None, curve: str | None) -> None:
+    found = find_log_curve({}, [(0.0, f"[iso: 100] [color_md : {said}] [focal_len: 24.00]")], "")
+    assert (found.curve if found else None) == curve
+    assert found is None if name is None else found is not None and f"is in {name}, by its subtitles" in found.warning
+    if found is not None:
+        assert found.warning.code is WarningCode.CURVE
+        assert ("was undone" in found.warning) == (curve is not None)
+
+
+@pytest.mark.parametrize(
+    ("xml", "curve"),
+    [
+        ('<Item name="CaptureGammaEquation" value="s-log3-cine"/>', "s-log3"),
+        ('<Item name="CaptureGammaEquation" value="rec709"/>', None),
+        ("<CaptureGamma>V-LOG</CaptureGamma>", "v-log"),
+        ("<p2:CaptureGamma>V-Log L</p2:CaptureGamma>", "v-log"),
+        ("<Gamma>Canon Log 3</Gamma>", "c-log3"),
+    ],
+)
+def test_xml_beside_a_clip_names_the_curve(xml: str, curve: str | None) -> None:
+    found = find_log_curve({}, [], xml)
+    assert (found and found.curve) == curve
+
+
+@pytest.mark.parametrize(
+    ("tags", "curve"),
+    [
+        ({"com.apple.proapps.customgamma": "com.apple.rec2020.apple-log"}, "apple-log"),
+        ({"com.apple.proapps.customgamma": "com.sony.slog3"}, "s-log3"),
+        ({"com.arri.camera.ColorGammaSxS": "LOG-C4"}, "logc4"),
+        ({"com.example.GammaCurve": "N-Log"}, "n-log"),
+        ({"com.example.color_profile": "F-Log2"}, "f-log2"),
+        ({"title": "My vlog in Munich", "comment": "no slog3"}, None),
+    ],
+)
+def test_tags_of_a_clip_name_the_curve(tags: dict[str, str], curve: str | None) -> None:
+    found = find_log_curve(tags, [], "")
+    assert (found and found.curve) == curve
+
+
+# Subtitles inside the clip.
+
+
+STYLES = b"""[Script Info]
+
+[V4+ Styles]
+Format: Name, Fontname, Fontsize
+Style: Default,Arial,16
+
+[Events]
+Format: Layer, Start, End, Text
+"""  # which encoders ask for
+
+
+def write_subtitled(path: Path, codec: str) -> Path:
+    """The clip with DJI's two entries as a track of subtitles."""
+    plain = write_clip(path.with_name("plain.mp4"), pan(6))
+    with av.open(str(plain)) as source, av.open(str(path), "w") as target:
+        pictures = target.add_stream_from_template(source.streams.video[0])
+        texts: Any = target.add_stream(codec)
+        texts.codec_context.subtitle_header, texts.codec_context.time_base = STYLES, Fraction(1, 1000)
+        for packet in source.demux(source.streams.video[0]):
+            if packet.dts is not None:
+                packet.stream = pictures
+                target.mux(packet)
+        for start, block in ((0, DJI.split("\n\n")[0]), (2000, DJI.split("\n\n")[1])):
+            text = block.split("\n", 2)[2].encode()
+            entry: Any = av.Packet(len(text).to_bytes(2, "big") + text if codec == "mov_text" else text)
+            entry.pts = entry.dts = start
+            entry.duration, entry.time_base, entry.stream = 2000, Fraction(1, 1000), texts
+            target.mux(entry)
+    return path
+
+
+@pytest.mark.parametrize(("name", "codec"), [("a.mp4", "mov_text"), ("a.mov", "mov_text"), ("a.mkv", "subrip")])
+def test_subtitles_inside_a_clip_are_read_as_those_beside_it(tmp_path: Path, name: str, codec: str) -> None:
+    path = write_subtitled(tmp_path / name, codec)
+    with Clip(path) as clip:
+        inside = clip.info
+    path.with_suffix(".SRT").write_text(DJI)
+    with Clip(path) as clip:
+        beside = clip.info
+    assert inside.metadata == beside.metadata
+    assert inside.metadata.local_time == datetime(2024, 6, 1, 9, 10)
+    assert inside.gimbal.at(1.0) == pytest.approx((0.0, -15.0, 0.5))
+    assert inside.gimbal.at(1.0) == pytest.approx(beside.gimbal.at(1.0))
+
+
+def test_the_file_beside_counts_before_the_track_inside(tmp_path: Path) -> None:
+    path = write_subtitled(tmp_path / "a.mp4", "mov_text")
+    path.with_suffix(".srt").write_text(DJI.replace("48.1375", "50.5"))
+    assert read_subtitles(path)[1][0] == 2.0
+    with Clip(path) as clip:
+        assert clip.info.metadata.latitude == 50.5
