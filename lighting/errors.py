@@ -93,6 +93,7 @@ FOREIGN_NAMES = {  # of parameters in other programs, by ours: for errors, which
     **dict.fromkeys(("threads", "jobs", "j", "num_workers", "processes"), "workers"),
     **dict.fromkeys(("cloudy", "clouds"), "overcast"),
     **dict.fromkeys(("silent", "s"), "quiet"),
+    "p": "port",
     **dict.fromkeys(("colors", "colorspace", "color_space"), "colours"),
     **dict.fromkeys(("network", "weights", "checkpoint"), "model"),
 }

@@ -99,7 +99,9 @@ class Command(_Helped):
         if extra and not ctx.resilient_parsing:
             takes = " and ".join(p.make_metavar(ctx) for p in self.params if isinstance(p, click.Argument))
             needs = f"takes only {takes}" if takes else "takes no file"
-            raise click.UsageError(f"`{ctx.command_path}` {needs}; {extra[0]!r} is too much.", ctx)
+            is_port = extra[0].isdecimal() and any("--port" in param.opts for param in params)
+            hint = f" Did you mean --port {extra[0]}?" if is_port else ""
+            raise click.UsageError(f"`{ctx.command_path}` {needs}; {extra[0]!r} is too much.{hint}", ctx)
         return extra
 
     def option_sections(self, ctx: click.Context) -> dict[str, list[tuple[str, str]]]:

@@ -263,7 +263,7 @@ def _open_input(name: str) -> Iterator[BinaryIO]:
     elif not name:  # which would be the current folder
         raise _no_name()
     else:
-        check_there(name)
+        check_file_there(name)
         with Path(name).open("rb") as stream:
             yield stream
 
@@ -280,8 +280,8 @@ def check_there(name: str) -> None:
         raise FileNotFoundError(errno.ENOENT, describe_missing_file(name) or os.strerror(errno.ENOENT), name)
 
 
-def check_photo(name: str) -> None:
-    """Raise an error for a photo that is not there, for a folder, and for a clip.
+def check_file_there(name: str) -> None:
+    """Raise an error for a file that is not there, and for a folder.
 
     Args:
         name: of the file, as the user typed it.
@@ -289,6 +289,15 @@ def check_photo(name: str) -> None:
     check_there(name)
     if Path(name).is_dir():
         raise IsADirectoryError(errno.EISDIR, f"It is a folder: try `lighting batch {shlex.quote(name)}`", name)
+
+
+def check_photo(name: str) -> None:
+    """Raise an error for a photo that is not there, for a folder, and for a clip.
+
+    Args:
+        name: of the file, as the user typed it.
+    """
+    check_file_there(name)
     if name.lower().endswith(CLIP_SUFFIXES):
         raise PhotoError(f"It is a clip: try `lighting video {shlex.quote(name)}`.")
 

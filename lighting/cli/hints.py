@@ -7,6 +7,8 @@ from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
+import click
+
 from lighting.batch.results import PHOTO_SUFFIXES
 from lighting.cli.console import CLIP_SUFFIXES, MAP_FILE_SUFFIXES, is_address
 from lighting.errors import FOREIGN_NAMES
@@ -24,7 +26,7 @@ _WORDS = {  # that people type in place of a command, and what does it
     **dict.fromkeys(("clip", "film", "movie"), "lighting video CLIP"),
     **dict.fromkeys(("folder", "dir", "all"), "lighting batch FOLDER"),
     **dict.fromkeys(("check", "test", "status", "diagnose"), "lighting doctor"),
-    **dict.fromkeys(("docs", "book", "manual", "man", "usage"), "lighting --help"),
+    **dict.fromkeys(("docs", "book", "manual", "man", "usage", "/help", "/?", "lighting"), "lighting --help"),
     **dict.fromkeys(("exif", "metadata", "identify"), "lighting info PHOTO"),
     "train": "python -m export train",
 }
@@ -37,6 +39,7 @@ _NO_OPTIONS = {  # what an option of other programs is here
     **dict.fromkeys(
         ("verbose", "v"), "It prints all that it has to say; `lighting --debug` shows where an error arose."
     ),
+    "?": "`--help` shows the help.",
     **dict.fromkeys(("V", "version"), "`lighting --version` shows the version."),
     **dict.fromkeys(("recursive", "r"), "`lighting batch FOLDER` reads all photos below a folder."),
 }
@@ -97,8 +100,21 @@ def describe_unknown_option(option: str, options: Collection[str]) -> str | None
         return f"There is no option {option}. Did you mean --{name}?"
     if known := _NO_OPTIONS.get(name) or _NO_OPTIONS.get(name.lower()):
         return f"There is no option {option}. {known}"
+    if command := _find_command_with(option):
+        return f"There is no option {option} here; `lighting {command}` has it."
     near = get_close_matches(option, [other for other in options if other.startswith("--")], n=1, cutoff=_NEAR)
     return f"There is no option {option}. Did you mean {near[0]}?" if near else None
+
+
+def _find_command_with(option: str) -> str | None:
+    """A command about photos that has an option."""
+    from lighting.cli import cli  # which imports this module where it is needed
+
+    for name in ("envmap", "scene", "estimate", "batch"):
+        command = cli.get_command(click.Context(cli), name)
+        if command and any(option in param.opts for param in command.get_params(click.Context(command))):
+            return name
+    return None
 
 
 def describe_missing_file(name: str) -> str | None:
@@ -108,6 +124,8 @@ def describe_missing_file(name: str) -> str | None:
         name: as the user typed it.
     """
     path, missing = Path(name), "No such file or directory"
+    if path.is_symlink():
+        return f"{missing}: it is a link, and leads nowhere"
     if name.startswith("file://"):
         return "Type its path, without file://"
     if os.name != "nt" and (re.match(r"[A-Za-z]:", name) or "\\" in name):

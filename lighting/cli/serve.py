@@ -19,6 +19,7 @@ import click
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import check_photo, escape_path
+from lighting.errors import PhotoError
 from lighting.files import escape_undecodable
 
 _LOOPBACK, _PORT = "127.0.0.1", 8000  # where the service listens, if nothing else is said
@@ -52,7 +53,7 @@ def _open(photo: str | None, as_json: bool, quiet: bool) -> None:
     url = f"http://{_LOOPBACK}:{port}/"
     settings = {"LIGHTING_HOST": _LOOPBACK, "LIGHTING_PORT": str(port), **_log_level("error" if quiet else "warning")}
     if photo is not None:
-        check_photo(photo)
+        _check_head(photo)
         settings |= {"LIGHTING_PHOTO": str(Path(photo).resolve()), "LIGHTING_PHOTO_SECRET": secret}
         url += f"#opened/{secret}/{quote(Path(photo).name, safe='')}"
 
@@ -119,6 +120,18 @@ def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> No
             click.echo(f"Phones and other devices in your network open http://{network}:{text}/")
 
     raise SystemExit(_run_service(settings, report))
+
+
+def _check_head(photo: str) -> None:
+    """Raise an error for what is no photo by its first bytes: the page would say so only later."""
+    from lighting.photo.formats import HEAD_BYTES, begins_as_photo, unreadable_sentence
+
+    check_photo(photo)
+    with Path(photo).open("rb") as stream:
+        head = stream.read(4096)
+    if not begins_as_photo(head[:HEAD_BYTES]):
+        sentence = unreadable_sentence(head) if head else "The photo is empty."
+        raise PhotoError(f"{escape_path(photo)}: {sentence}")
 
 
 def _find_network_address() -> str | None:

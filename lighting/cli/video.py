@@ -91,7 +91,7 @@ def _video(
 
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
-    console.check_there(clip)
+    console.check_file_there(clip)
     if clip.lower().endswith(PHOTO_SUFFIXES):
         raise click.UsageError(f"{escape_path(clip)} is a photo: try `lighting envmap {shlex.quote(clip)}`.")
     every, curve, overwrite = options.pop("every"), options.pop("curve"), options.pop("overwrite")

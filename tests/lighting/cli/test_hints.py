@@ -34,6 +34,13 @@ USAGE = (
     ("envmap --input photo.jpg", "A file needs no option: type its name alone."),
     ("envmap photo.jpg --gpu", "There is no option --gpu. It runs on the CPU."),
     ("envmap photo.jpg --hieght 64", "There is no option --hieght. Did you mean --height?"),
+    ("envmap photo.jpg --for blender", "There is no option --for here; `lighting scene` has it."),
+    ("estimate photo.jpg --height 64", "There is no option --height here; `lighting envmap` has it."),
+    ("estimate '-?' photo.jpg", "There is no option -?. `--help` shows the help."),
+    ("serve 8000", "`lighting serve` takes no file; '8000' is too much. Did you mean --port 8000?"),
+    ("serve -p 8000", "There is no option -p. Did you mean --port?"),
+    ("lighting envmap photo.jpg", "There is no command 'lighting'. Did you mean `lighting --help`?"),
+    ("/help", "There is no command '/help'. Did you mean `lighting --help`?"),
     ("--sun 40,25 photo.jpg", "--sun goes behind a command: `lighting envmap PHOTO --sun`."),
     ("-V", "`lighting --version` shows the version."),
     ("--verbose envmap photo.jpg", "`lighting --debug` shows where an error arose."),
@@ -59,6 +66,11 @@ FAILURES = (
     ("envmap .", ".: It is a folder: try `lighting batch .`."),
     ("scene . --for usd", ".: It is a folder: try `lighting batch .`."),
     ("open .", ".: It is a folder: try `lighting batch .`."),
+    ("info .", ".: It is a folder: try `lighting batch .`."),
+    ("video .", ".: It is a folder: try `lighting batch .`."),
+    ("open note.txt", "note.txt: This is a text, not a photo."),
+    ("open photo.jpg", "photo.jpg: The photo is empty."),
+    ("envmap link.jpg", "link.jpg: No such file or directory: it is a link, and leads nowhere."),
     ("open none.jpg", "none.jpg: No such file or directory."),
     ("envmap foto.jpg", "foto.jpg: No such file or directory, but photo.jpg is there."),
     ("envmap PHOTO.JPG -o there.exr", "PHOTO.JPG: No such file or directory, but photo.jpg is there."),
@@ -79,6 +91,8 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("photo.jpg", "my holiday.jpg", "there.exr", "clip.mp4", "clip.MOV", "record.json"):
         Path(name).touch()
+    Path("note.txt").write_text("hello")
+    Path("link.jpg").symlink_to("nowhere.jpg")
 
 
 @pytest.mark.parametrize(("line", "sentence"), USAGE, ids=[line for line, _ in USAGE])
