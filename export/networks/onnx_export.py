@@ -21,7 +21,7 @@ import numpy as np
 import onnx
 import torch
 from numpy.typing import NDArray
-from onnx import TensorProto, helper, numpy_helper
+from onnx import NodeProto, TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 
 from export.crops.targets import CELL, COLUMNS, MIN_RADIANCE, ROWS
@@ -248,12 +248,13 @@ def quantize_products(model: Any) -> bool:
     """
     graph = model.graph
     weights = {t.name: t for t in graph.initializer if len(t.dims) == 2 and math.prod(t.dims) >= _MIN_PRODUCT}
-    nodes, done = [], set()
+    nodes: list[NodeProto] = []
+    done: set[str] = set()
     for node in graph.node:
         if node.op_type != "MatMul" or node.input[1] not in weights:
             nodes.append(node)
             continue
-        source, name, target = *node.input, node.output[0]
+        (source, name), target = node.input, node.output[0]
         if name not in done:
             values = numpy_helper.to_array(weights[name])
             scale = np.maximum(np.abs(values).max(axis=0) / _SEVEN_BITS, np.float32(1e-20)).astype(np.float32)

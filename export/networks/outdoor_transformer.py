@@ -63,8 +63,10 @@ class OutdoorTransformer(nn.Module):
         self.around = _head(256, 3 * CELLS) if has_surroundings else None
         self.suitable = nn.Linear(len(_READ) * WIDTH, 1) if has_surroundings else None
         with torch.no_grad():
-            self.sun[-1].weight.copy_(_smooth_fields(spec.sun_grid, self.sun[-1].in_features))
-            self.sun[-1].bias.zero_()
+            last = self.sun[-1]
+            assert isinstance(last, nn.Linear)
+            last.weight.copy_(_smooth_fields(spec.sun_grid, last.in_features))
+            last.bias.zero_()
         if pretrained:
             load_wheel(self.trunk)
 

@@ -126,6 +126,7 @@ class VisionTransformer(nn.Module):
         table = self._positions(side).detach().flatten(2).transpose(1, 2)
         self.position = nn.Parameter(table, requires_grad=False)
         for block in self.blocks:
+            assert isinstance(block, _Block)
             block.fold()
 
     def _positions(self, side: int) -> Tensor:

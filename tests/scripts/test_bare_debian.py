@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from scripts import bare_debian
 from scripts.bare_debian import ADDRESS, HOME, main, run_commands
 
 
@@ -30,7 +29,7 @@ def test_commands_get_nothing_of_this_machine_and_the_first_failure_ends_them(
         calls.append(argv)
         return subprocess.CompletedProcess(argv, len(calls) - 1)
 
-    monkeypatch.setattr(bare_debian.subprocess, "run", run)
+    monkeypatch.setattr(subprocess, "run", run)
     assert run_commands(tmp_path, {"A": "1"}, ["first", "second", "third"]) == 1
     assert [argv[-1].split("; ") for argv in calls] == [
         [f"cd {HOME}", f"export ADDRESS={ADDRESS}", "first"],

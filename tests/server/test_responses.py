@@ -40,7 +40,7 @@ def linked(light: Lighting, path: str = "/v1/lighting") -> SplitResult:
     """The link to a light's map in the answer to a request."""
     answer = PhotoAnswer(EstimatedLight(light, ANSWERS_SUN), compute_light_probe(light))
     asked = Request({"type": "http", "path": path})
-    return urlsplit(estimate_to_json(asked, answer, LightingQuery())["links"]["envmap"])
+    return urlsplit(str(estimate_to_json(asked, answer, LightingQuery())["links"]["envmap"]))
 
 
 @pytest.mark.parametrize("path", ["/v1/lighting", "/v1/lightings", "/v2/models/outdoor/infer"])

@@ -344,7 +344,7 @@ def test_a_transformer_gives_the_same_bits_in_every_session(tmp_path: Path, monk
     torch.manual_seed(7)
     network = outdoor_transformer.OutdoorTransformer(spec, has_surroundings=True)
     for block in network.trunk.blocks:
-        torch.nn.init.constant_(block.scale1, 0.3)
+        torch.nn.init.constant_(block.get_parameter("scale1"), 0.3)
     settings = {"network": "transformer", "pretrained": True, "licensed_only": False, "crops": 3}
     record = {"spec": asdict(spec), "config": settings, "commit": "", "torch": "", "panoramas": {"train": []}}
     write_run(tmp_path / "run", record, network.state_dict())

@@ -24,7 +24,7 @@ from lighting.color import COLOR_SPACES
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.fields import RANGES
-from lighting.files import encode_envmap
+from lighting.files import FileOptions, encode_envmap
 from lighting.files.exr import (
     _MANTISSA_BITS,
     _SET_EFFORT,
@@ -469,7 +469,7 @@ def test_what_is_no_map_is_named_once(tmp_path: Path, rounded_map: NDArray[np.fl
 
 
 def test_a_map_may_be_a_radiance_hdr(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
-    (tmp_path / "a.hdr").write_bytes(encode_envmap(rounded_map, format="hdr"))
+    (tmp_path / "a.hdr").write_bytes(encode_envmap(rounded_map, options=FileOptions("hdr")))
     np.testing.assert_allclose(read_envmap(tmp_path / "a.hdr"), rounded_map, rtol=0.02, atol=0.02)
     (tmp_path / "a.hdr").write_bytes(b"#?RADIANCE\n\n-Y 8 +X 16\n")
     with pytest.raises(EnvironmentMapError, match=r"a\.hdr: The HDR picture is cut short or damaged\.$"):
