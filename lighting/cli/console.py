@@ -291,7 +291,7 @@ def check_file_there(name: str) -> None:
         raise IsADirectoryError(errno.EISDIR, f"It is a folder: try `lighting batch {shlex.quote(name)}`", name)
 
 
-def check_photo(name: str) -> None:
+def check_photo_file(name: str) -> None:
     """Raise an error for a photo that is not there, for a folder, and for a clip.
 
     Args:
@@ -346,7 +346,7 @@ def read_photo_bytes(name: str) -> bytes:
         return read_bytes(_stdin())
     if not name:
         raise _no_name()
-    check_photo(name)
+    check_photo_file(name)
     return read_bytes(Path(name))
 
 
@@ -573,7 +573,7 @@ def choose_files(sources: Sequence[str], output: str | None, kind: OutputKind, *
     check_stdin(sources)
     check_not_written(sources, output, kind.suffixes)
     if len(sources) == 1 and sources[0] and Path(sources[0]).is_dir():
-        check_photo(sources[0])
+        check_photo_file(sources[0])
     for name in sources:
         if name.lower().endswith(MAP_FILE_SUFFIXES):
             hint = f"try `lighting info {shlex.quote(name)}`"

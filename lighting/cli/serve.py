@@ -18,7 +18,7 @@ import click
 
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.console import check_photo, escape_path
+from lighting.cli.console import check_photo_file, escape_path
 from lighting.errors import PhotoError
 from lighting.files import escape_undecodable
 
@@ -126,7 +126,7 @@ def _check_head(photo: str) -> None:
     """Raise an error for what is no photo by its first bytes: the page would say so only later."""
     from lighting.photo.formats import HEAD_BYTES, begins_as_photo, unreadable_sentence
 
-    check_photo(photo)
+    check_photo_file(photo)
     with Path(photo).open("rb") as stream:
         head = stream.read(4096)
     if not begins_as_photo(head[:HEAD_BYTES]):
