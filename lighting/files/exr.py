@@ -354,7 +354,8 @@ def _colors(parts: list[tuple[_Attributes, _Attributes]]) -> tuple[_Attributes, 
             layers.setdefault(label, (header, {}))[1][last.upper()] = channel.pixels
     colored = {label: layer for label, layer in layers.items() if set("RGB") <= layer[1].keys()}
     if not colored:
-        missing = [name for name in "RGB" if name not in parts[0][1]]
+        first = parts[0][1] if parts else {}  # a damaged file may have no part that can be read
+        missing = [name for name in "RGB" if name not in first]
         raise EnvironmentMapError(f"The EXR file has no channel {', '.join(missing)}; it needs R, G and B.")
     whole = [label for label in colored if label.rpartition(".")[2].lower() in _WHOLE_PICTURES]
     chosen = whole if len(whole) == 1 else list(colored)
