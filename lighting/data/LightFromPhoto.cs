@@ -1,6 +1,8 @@
-// Tools > Light from a Photo puts the photo's light into the open scene, for HDRP or URP of Unity 6. Running it again
-// replaces what it made. Metres; +Y is up, the photo's camera looks along +Z, and +X is to its right.
+// Tools > Light from a Photo puts a photo's light into the open scene, for HDRP or URP of Unity 6: that of the selected
+// folder in Assets/LightFromPhoto, else of the one imported last. Running it again replaces what it made. Metres; +Y is
+// up, the photo's camera looks along +Z, and +X is to its right.
 using System;
+using System.IO;
 using System.Linq;
 using UnityEditor;
 using UnityEngine;
@@ -29,15 +31,17 @@ namespace LightFromPhoto
 
     public static class SceneBuilder
     {
-        const string Folder = "Assets/LightFromPhoto/";
+        const string Photos = "Assets/LightFromPhoto";
         const string Name = "Light from a Photo";
         const float BackdropShare = 0.9f; // its distance / the far clipping distance
+        static string folder; // of the photo whose light it is
 
         [MenuItem("Tools/Light from a Photo")]
         public static void Build()
         {
             if (PlayerSettings.colorSpace != ColorSpace.Linear)
                 Debug.LogWarning("The project's color space is not Linear (Player settings): the light will be wrong.");
+            folder = ChooseFolder();
             var numbers = JsonUtility.FromJson<SceneNumbers>(Load<TextAsset>("scene.json").text);
             var last = GameObject.Find(Name);
             if (last != null) Undo.DestroyObjectImmediate(last);
@@ -52,9 +56,19 @@ namespace LightFromPhoto
             AddPlaceholder(root.transform, numbers);
         }
 
+        static string ChooseFolder()
+        {
+            var folders = AssetDatabase.GetSubFolders(Photos).Where(path => File.Exists(path + "/scene.json")).ToArray();
+            if (folders.Length == 0) throw new InvalidOperationException("Import a photo's scene.unitypackage first.");
+            var selected = AssetDatabase.GetAssetPath(Selection.activeObject) + "/";
+            var chosen = folders.FirstOrDefault(path => selected.StartsWith(path + "/"))
+                ?? folders.OrderBy(path => File.GetLastWriteTimeUtc(path + "/scene.json")).Last();
+            return chosen + "/";
+        }
+
         static T Load<T>(string name) where T : UnityEngine.Object
         {
-            return AssetDatabase.LoadAssetAtPath<T>(Folder + name);
+            return AssetDatabase.LoadAssetAtPath<T>(folder + name);
         }
 
         static Transform Add(string name, Transform parent, Vector3 position, Quaternion rotation)
@@ -250,8 +264,8 @@ namespace LightFromPhoto
 
         static T Save<T>(T asset, string name) where T : UnityEngine.Object
         {
-            AssetDatabase.DeleteAsset(Folder + name);
-            AssetDatabase.CreateAsset(asset, Folder + name);
+            AssetDatabase.DeleteAsset(folder + name);
+            AssetDatabase.CreateAsset(asset, folder + name);
             return asset;
         }
 

@@ -1,7 +1,8 @@
 """Put a photo's light into the open level of Unreal Engine 5; run it by Tools > Execute Python Script.
 
-The folder's pictures become assets under /Game/LightFromPhoto, and the actors lie in a folder of that name in the
-Outliner. Running it again replaces both. Units are centimeters; +Z is up, the photo's camera looks along +X.
+The folder's pictures become assets under /Game/LightFromPhoto, in a folder of the photo's own. The actors lie in a
+folder LightFromPhoto in the Outliner. Running it again replaces the photo's assets and the level's actors. Units are
+centimeters; +Z is up, the photo's camera looks along +X.
 """
 
 import json
@@ -15,7 +16,9 @@ Json = dict[str, Any]
 Numbers = Sequence[float]
 
 NAME = "LightFromPhoto"
-ASSETS = f"/Game/{NAME}"
+FOLDER = Path(__file__).resolve().parent
+NUMBERS = json.loads((FOLDER / "unreal_scene.json").read_text(encoding="utf-8"))
+ASSETS = f"/Game/{NAME}/{NUMBERS['name']}"
 SHAPES = "/Engine/BasicShapes"  # each 100 units wide and tall, around its middle
 
 actors = unreal.get_editor_subsystem(unreal.EditorActorSubsystem)
@@ -25,8 +28,7 @@ editing = unreal.MaterialEditingLibrary
 
 
 def _main() -> None:
-    folder = Path(__file__).resolve().parent
-    numbers = json.loads((folder / "unreal_scene.json").read_text(encoding="utf-8"))
+    folder, numbers = FOLDER, NUMBERS
     _remove_last()
     _warn_of_other_lights()
     cubemap = _import_picture(folder / numbers["environment"])

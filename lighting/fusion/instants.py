@@ -26,6 +26,8 @@ GPS = "GPS"
 OTHER_PHOTOS = "other photos"
 
 _ROLLOVER = timedelta(weeks=1024)  # after which GPS receivers count their weeks from 0 again
+_FIRST_YEAR_OF_ZONES = 1970  # before which zone files, as some are built, give a country another one's clocks
+_OLD_ZONE = "Zone files differ before 1970: {} was used; state the offset from UTC if it was another."
 _NO_FIX = "The GPS time is of a receiver without a fix"
 _NEAR = timedelta(hours=26)  # within which a clock and GPS lie whose zone is unknown
 _MONTH = timedelta(days=30)
@@ -316,6 +318,15 @@ def resolve_instants(
         user_input: what the user states.
         shared_offset: h, of the clock by other photos of the same camera; None is unknown.
     """
+    found = _resolve_instants(metadata, user_input, shared_offset)
+    likeliest = found.likeliest
+    if likeliest is None or likeliest.source != ZONE_OF_PLACE or likeliest.utc_time.year >= _FIRST_YEAR_OF_ZONES:
+        return found
+    sentence = _OLD_ZONE.format(format_utc_offset(likeliest.utc_offset or 0.0))
+    return replace(found, warnings=(*found.warnings, CodedWarning(sentence)))
+
+
+def _resolve_instants(metadata: PhotoMetadata, user_input: UserInput, shared_offset: float | None) -> PhotoInstants:
     if user_input.time is not None:
         return _instants_of_user(metadata, user_input.time, user_input.utc_offset)
     if user_input.utc_offset is not None and metadata.local_time is not None:

@@ -55,6 +55,8 @@ _RAW_COMPRESSIONS = (32767, 32769, 34713, 65000, 65535)  # compressions of Sony,
 
 _SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC = 0xFE, 0x100, 0x101, 0x103, 0x106
 _ORIENTATION, _SUBDIRECTORIES, _EXIF = 0x112, 0x14A, 0x8769
+_PIECES = (0x111, 0x144)  # offsets of strips and of tiles
+_JPEG, _COLOR_PHOTOMETRICS = 7, (2, 6)  # compression, and photometric: RGB, YCbCr
 _REDUCED_BIT, _MASK_BIT = 1, 4  # bits of NewSubfileType
 _MAX_THUMBNAIL_SIDE = 640  # pixels along the longer side of a thumbnail that does not say that it is one
 _BIG_TIFF, _CLASSIC_TIFF = 43, 42  # in the header of a TIFF with offsets of 64 and of 32 bits
@@ -177,9 +179,33 @@ def photo_page(data: bytes) -> _Page | None:
     photos = [(offset, tags) for offset, tags in pages[1:] if _is_photo(tags) and _is_thumbnail(pages[0][1], tags)]
     if layout is None or not photos:
         return None
-    offset, tags = max(photos, key=lambda page: _pixel_count(page[1]))
+    return _largest_page(layout, photos)
+
+
+def _largest_page(layout: _Layout, pages: list[tuple[int, _Tags]]) -> _Page:
+    offset, tags = max(pages, key=lambda page: _pixel_count(page[1]))
     first_offset = slice(layout.offset.size, 2 * layout.offset.size)
     return _Page(layout.offset.pack(offset), first_offset, _ORIENTATION in tags, _EXIF in tags)
+
+
+def preview_page(data: bytes) -> _Page | None:
+    """The page that is a RAW file's preview, if that is stored in pieces: strips or tiles, each a JPEG of its own.
+
+    None where a JPEG in one piece is as large, which `embedded_preview` finds.
+
+    Args:
+        data: of a RAW file.
+    """
+    layout = _layout(data)
+    pages = [(offset, tags) for offset, tags in _pages(data, layout) if _is_preview_in_pieces(tags)] if layout else []
+    if layout is None or not any(_pixel_count(tags) > _largest_jpeg(data)[0] for _, tags in pages):
+        return None
+    return _largest_page(layout, pages)
+
+
+def _is_preview_in_pieces(tags: _Tags) -> bool:
+    color = _first_value(tags, _PHOTOMETRIC) in _COLOR_PHOTOMETRICS and _first_value(tags, _COMPRESSION) == _JPEG
+    return color and not _first_value(tags, _SUBFILE) & _MASK_BIT and any(len(tags.get(tag, ())) > 1 for tag in _PIECES)
 
 
 def _layout(data: bytes | memoryview) -> _Layout | None:
@@ -212,7 +238,7 @@ def _directory(data: bytes, offset: int, layout: _Layout) -> tuple[_Tags, int]:
     (count,) = layout.count.unpack_from(data, offset)
     begin = offset + layout.count.size
     (following,) = layout.offset.unpack_from(data, begin + count * layout.tag.size)
-    relevant = (_SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC, _ORIENTATION, _SUBDIRECTORIES, _EXIF)
+    relevant = (_SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC, _ORIENTATION, _SUBDIRECTORIES, _EXIF, *_PIECES)
     tags = dict[int, tuple[int, ...]]()
     for entry in layout.tag.iter_unpack(data[begin : begin + min(count, _MAX_TAGS) * layout.tag.size]):
         if entry[0] in relevant and entry[1] in _INTEGER_TYPES:
@@ -461,18 +487,24 @@ def embedded_preview(data: bytes) -> bytes:
     Args:
         data: of a RAW file; PhotoError where it holds none.
     """
-    largest, position = (-1, 0), -1  # the largest one's pixels and position
+    pixels, position = _largest_jpeg(data)
+    if pixels <= 0:
+        raise PhotoError(
+            "The RAW photo has no readable preview; convert it to JPEG or TIFF, for example with darktable-cli."
+        )
+    return data[position:]
+
+
+def _largest_jpeg(data: bytes) -> tuple[int, int]:
+    """Pixels and position of the largest of the first _MAX_JPEGS JPEGs in a file; -1 pixels where there is none."""
+    largest, position = (-1, 0), -1
     for _ in range(_MAX_JPEGS):
         position = data.find(_JPEG_START, position + 1)
         if position < 0:
             break
         width, height = _frame_size(data[position : position + _PREVIEW_HEAD])
         largest = max(largest, (width * height, position))
-    if largest[0] <= 0:
-        raise PhotoError(
-            "The RAW photo has no readable preview; convert it to JPEG or TIFF, for example with darktable-cli."
-        )
-    return data[largest[1] :]
+    return largest
 
 
 def open_raw_header(data: bytes) -> Image.Image:

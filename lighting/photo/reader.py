@@ -218,7 +218,7 @@ def read_photo(
     try:
         with _WARNING_FILTERS, warnings.catch_warnings(action="ignore"):
             raw = containers.is_raw(data)
-            page = None if raw else containers.photo_page(data)
+            page = containers.preview_page(data) if raw else containers.photo_page(data)
             picture = page.as_first(data) if page else containers.embedded_preview(data) if raw else data
             image = _open_photo(picture, max_pixels)
             embedded = raw or (page is not None and not page.has_exif)

@@ -9,6 +9,7 @@ the ground under sky and sun. A renderer that traces rays sees the ground plane 
 radiance. One that shades by the map alone takes its bounced light from there.
 """
 
+import zlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -95,6 +96,11 @@ class Scene:
     """(H, W), 0 to 1, of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere."""
     segments: Segments | None = None
     """(R, C, K) probabilities, 0 to 1, of what the plate shows. None: unknown."""
+
+    @cached_property
+    def photo_name(self) -> str:
+        """ "photo-" and eight hexadecimal digits: the same for the same plate, whatever the light."""
+        return f"photo-{zlib.crc32(np.ascontiguousarray(self.plate).data):08x}"
 
     @property
     def width(self) -> int:

@@ -56,7 +56,9 @@ def write_unity(scene: records.Scene, folder: Folder) -> None:
         "scene.json": (json.dumps(_description(scene)).encode(), "TextScriptImporter:\n"),
         RECORD: (record.encode(), "TextScriptImporter:\n"),
     }
-    (folder / PACKAGE).write_bytes(_pack({f"{ASSETS}/{name}": member for name, member in members.items()}))
+    own = f"{ASSETS}/{scene.photo_name}"  # so that another photo's assets are others; the script is shared
+    paths = {name: f"{ASSETS if name.startswith('Editor/') else own}/{name}" for name in members}
+    (folder / PACKAGE).write_bytes(_pack({paths[name]: member for name, member in members.items()}))
 
 
 def _pack(members: dict[str, tuple[bytes, str]]) -> bytes:

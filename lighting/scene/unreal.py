@@ -50,6 +50,7 @@ def _description(scene: records.Scene) -> Json:
     camera = [lighting.camera_roll, lighting.camera_elevation, 0.0]
     reach = 2 * records.GROUND_RADIUS * _CENTIMETERS
     return {
+        "name": scene.photo_name,
         "plate": PLATE,
         "environment": SKY,
         "albedo": ALBEDO,

@@ -199,8 +199,11 @@ namespace UnityEditor
         public static void DestroyObjectImmediate(UnityEngine.Object objectToUndo) { }
         public static void RegisterCreatedObjectUndo(UnityEngine.Object objectToUndo, string name) { }
     }
+    public static class Selection { public static UnityEngine.Object activeObject { get { return null; } } }
     public static class AssetDatabase
     {
+        public static string[] GetSubFolders(string path) { return null; }
+        public static string GetAssetPath(UnityEngine.Object assetObject) { return ""; }
         public static T LoadAssetAtPath<T>(string assetPath) where T : UnityEngine.Object { return null; }
         public static bool DeleteAsset(string path) { return true; }
         public static void CreateAsset(UnityEngine.Object asset, string path) { }

@@ -10,9 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lighting.errors import ParameterError
-from lighting.fusion.instants import OFFSET_RULES, _offsets_of_place, resolve_hemisphere, resolve_together
+from lighting.fusion.instants import (
+    OFFSET_RULES,
+    _offsets_of_place,
+    resolve_hemisphere,
+    resolve_instants,
+    resolve_together,
+)
 from lighting.fusion.metadata_prior import observations_from_metadata, observations_multi, share_location
-from lighting.fusion.user_input import UserInput
+from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.clock import UTC_OFFSETS
 from lighting.photo.metadata import PhotoMetadata
 from lighting.records import warning_code
@@ -160,6 +166,25 @@ def test_time_and_place_give_one_sun() -> None:
 
 def test_a_local_time_is_of_the_zone_of_its_place() -> None:
     assert observations_of(ZONELESS).candidates == observations_of().candidates
+
+
+@pytest.mark.parametrize(("year", "warns"), [(1960, True), (1969, True), (1970, False), (2024, False)])
+def test_a_zone_before_1970_is_doubted(year: int, warns: bool) -> None:
+    """PyPI's tzdata gives Oslo Berlin's clocks of 1960, Debian's Norway's own."""
+    taken = PhotoMetadata(local_time=datetime(year, 7, 1, 17), latitude=59.91, longitude=10.75)
+    for metadata, user_input in (
+        (taken, NO_USER_INPUT),
+        (replace(taken, local_time=None), UserInput(time=taken.local_time)),
+    ):
+        found = resolve_instants(metadata, user_input)
+        hours = found.instants[0].utc_offset
+        assert hours in (1.0, 2.0)
+        sentence = (
+            f"Zone files differ before 1970: +{hours:02.0f}:00 was used; state the offset from UTC if it was another."
+        )
+        assert found.warnings == ((sentence,) if warns else ())
+    assert resolve_instants(taken, UserInput(utc_offset=2.0)).warnings == ()
+    assert resolve_instants(replace(taken, utc_offset=2.0), NO_USER_INPUT).warnings == ()
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ from lighting.photo.containers import (
     photo_page,
     webp_size,
 )
+from lighting.photo.pixels import make_upright
 from lighting.photo.reader import read_photo
 from lighting.photo.sandbox import read_photo_isolated
 from tests.conftest import encode, munich, scene
@@ -352,6 +353,47 @@ def test_the_largest_preview_is_read() -> None:
     photo = read_photo(dng(small, JPEG, small))
     assert (photo.format, photo.width, photo.height) == ("RAW", 320, 240)
     assert np.abs(photo.pixels.astype(int) - PICTURE).max() < 12
+
+
+def dng_with_pieces(pixels: NDArray[np.uint8], size: tuple[int, int], orientation: int = 1) -> bytes:
+    """A DNG whose preview is stored as JPEGs of so many columns and rows: strips, or tiles where they are narrower."""
+    height, width = pixels.shape[:2]
+    columns, rows = size
+    corners = [(top, left) for top in range(0, height, rows) for left in range(0, width, columns)]
+    pieces = [encode(pixels[top : top + rows, left : left + columns], quality=95) for top, left in corners]
+    starts = [4096 + sum(map(len, pieces[:i])) for i in range(len(pieces))]
+    layout = {0x116: (4, [rows]), 0x111: (4, starts), 0x117: (4, list(map(len, pieces)))}
+    if columns < width:
+        layout = {0x142: (4, [columns]), 0x143: (4, [rows]), 0x144: (4, starts), 0x145: (4, list(map(len, pieces)))}
+    tags = {
+        **{0xFE: (4, [1]), 0x100: (4, [width]), 0x101: (4, [height]), 0x102: (3, [8, 8, 8]), 0x103: (3, [7])},
+        **{0x106: (3, [6]), 0x112: (3, [orientation]), 0x115: (3, [3]), 0x212: (3, [2, 2])},
+        **{DNG_VERSION: (1, [1, 4, 0, 0])},
+        **layout,
+    }
+    head, values = struct.pack("<2sHIH", b"II", 42, 8, len(tags)), b""
+    for tag, (kind, numbers) in sorted(tags.items()):
+        packed = struct.pack(f"<{len(numbers)}{ {1: 'B', 3: 'H', 4: 'I'}[kind] }", *numbers)
+        inside = packed.ljust(4, b"\0") if len(packed) <= 4 else struct.pack("<I", 1024 + len(values))
+        head += struct.pack("<HHI", tag, kind, len(numbers)) + inside
+        values += packed if len(packed) > 4 else b""
+    return ((head + bytes(4)).ljust(1024, b"\0") + values).ljust(4096, b"\0") + b"".join(pieces)
+
+
+@pytest.mark.parametrize("size", [(320, 64), (160, 128), (160, 64)])
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+def test_a_preview_in_pieces_is_read_whole(size: tuple[int, int], orientation: int) -> None:
+    """Each piece is a JPEG of its own, and the largest of them is not the photo."""
+    pixels = scene(320, 256)
+    photo = read_photo(dng_with_pieces(pixels, size, orientation))
+    expected = make_upright(pixels, orientation)
+    assert (photo.format, photo.width, photo.height) == ("RAW", expected.shape[1], expected.shape[0])
+    assert np.abs(photo.pixels.astype(int) - expected).mean() < 3
+
+
+def test_a_larger_preview_in_one_piece_is_preferred() -> None:
+    photo = read_photo(dng_with_pieces(scene(160, 128), (160, 64)) + JPEG)
+    assert (photo.width, photo.height) == (320, 240)
 
 
 @pytest.mark.parametrize("beginning", [b"FOVb", b"IIU\0"])

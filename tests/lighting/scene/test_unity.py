@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ def extracted(scene: Scene, folder: Path) -> Path:
     """The folder of assets of a scene's package."""
     unity.write_unity(scene, folder)
     extractPackage(str(folder / "scene.unitypackage"), outputPath=str(folder))
-    return folder / unity.ASSETS
+    return folder / unity.ASSETS / scene.photo_name
 
 
 @pytest.fixture(scope="module")
@@ -55,11 +56,12 @@ def rotated(quaternion: dict[str, float], axis: Sequence[float]) -> Floats:
 
 
 def test_the_package_holds_the_assets(assets: Path) -> None:
-    assert {path.relative_to(assets).as_posix() for path in assets.rglob("*") if path.is_file()} == {
-        *("Editor/LightFromPhoto.cs", "Editor/LightFromPhoto.asmdef", "scene.json", "lighting.json"),
-        *("environment.exr", "plate.png", "ground_albedo.png", "ground_emission.png"),
+    assert {path.name for path in assets.iterdir()} == {
+        *("scene.json", "lighting.json", "environment.exr", "plate.png", "ground_albedo.png", "ground_emission.png"),
     }
-    assert (assets / "Editor" / "LightFromPhoto.cs").read_bytes() == SCRIPT.read_bytes()
+    scripts = assets.parent / "Editor"
+    assert {path.name for path in scripts.iterdir()} == {"LightFromPhoto.cs", "LightFromPhoto.asmdef"}
+    assert (scripts / "LightFromPhoto.cs").read_bytes() == SCRIPT.read_bytes()
 
 
 def test_each_asset_has_settings_with_its_own_guid(tmp_path: Path) -> None:
@@ -72,7 +74,8 @@ def test_each_asset_has_settings_with_its_own_guid(tmp_path: Path) -> None:
         meta = UnityDocument.load_yaml(str(folder / "asset.meta")).entry
         assert meta["guid"] == folder.name
         settings[(folder / "pathname").read_text()] = meta
-    cube, flat = (settings[f"{unity.ASSETS}/{name}"]["TextureImporter"] for name in ("environment.exr", "plate.png"))
+    own = f"{unity.ASSETS}/{plain_scene().photo_name}"
+    cube, flat = (settings[f"{own}/{name}"]["TextureImporter"] for name in ("environment.exr", "plate.png"))
     wanted = {"textureShape": "2", "generateCubemap": "2", "isReadable": "1", "maxTextureSize": "8192"}
     assert wanted.items() <= cube.items()
     assert {"textureShape": "1", "textureCompression": "0", "nPOTScale": "0"}.items() <= flat.items()
@@ -86,6 +89,21 @@ def test_the_same_scene_makes_the_same_package(tmp_path: Path) -> None:
         unity.write_unity(plain_scene(), tmp_path / name)
         packages.append((tmp_path / name / "scene.unitypackage").read_bytes())
     assert packages[0] == packages[1]
+
+
+def test_two_photos_share_the_script_alone(tmp_path: Path) -> None:
+    """The second one's import would else replace the first one's pictures, in scenes that are saved already."""
+    assets = {}
+    lit, moved, other = plain_scene(), plain_scene(sun_azimuth=77.0), replace(plain_scene(), plate=sunlit_scene().plate)
+    for name, scene in (("lit", lit), ("moved", moved), ("other", other)):
+        unity.write_unity(scene, tmp_path)
+        shutil.unpack_archive(tmp_path / "scene.unitypackage", tmp_path / name, "gztar")
+        assets[name] = {folder.name: (folder / "pathname").read_text() for folder in (tmp_path / name).iterdir()}
+    assert assets["moved"] == assets["lit"]  # the same photo's are replaced
+    shared = {guid: path for guid, path in assets["lit"].items() if guid in assets["other"]}
+    assert sorted(shared.values()) == [f"{unity.ASSETS}/Editor/LightFromPhoto.{end}" for end in ("asmdef", "cs")]
+    paths = [set(assets[name].values()) - set(shared.values()) for name in ("lit", "other")]
+    assert paths[0].isdisjoint(paths[1])
 
 
 def test_the_script_reads_what_is_written(numbers: dict[str, Any]) -> None:

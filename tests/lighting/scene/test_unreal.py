@@ -2,6 +2,7 @@
 
 import runpy
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -156,3 +157,13 @@ def test_the_map_is_radiance(tmp_path: Path) -> None:
     assert read is not None
     error = np.abs(read[..., ::-1] - environment).max(axis=-1) / environment.max(axis=-1)
     assert error.max() < 1 / 128
+
+
+def test_two_photos_have_assets_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    level = run(plain_scene(), tmp_path / "a", monkeypatch)
+    first = dict(level.assets)
+    run(replace(plain_scene(), plate=sunlit_scene().plate), tmp_path / "b", monkeypatch, level)
+    assert {path: level.assets[path] for path in first} == first
+    assert len(level.assets) == 2 * len(first)
+    run(plain_scene(sun_azimuth=77.0), tmp_path / "a", monkeypatch, level)
+    assert len(level.assets) == 2 * len(first)  # the same photo's were replaced
