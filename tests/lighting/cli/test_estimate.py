@@ -187,7 +187,7 @@ def test_preview_draws_a_png(network: Path, photo_path: Path, tmp_path: Path) ->
     result = invoke_command("preview", photo_path, "-o", alone, "--model", network)
     assert result.exit_code == 0
     assert result.stderr == ""  # the network does not tell where firm ground is
-    assert result.stdout.splitlines()[-1].startswith(f"Wrote {alone}. Open it: ")
+    assert result.stdout.splitlines()[-1].startswith(f"Wrote {alone}.")
     options = ["--height", "64", "--yaw", "45", "--preview", str(beside)]
     both = invoke_command("envmap", photo_path, "-o", tmp_path / "a.exr", "--model", network, *options)
     last = both.stdout.splitlines()[-1]
