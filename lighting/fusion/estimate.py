@@ -36,7 +36,7 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import angles
 from lighting.ground import describe_ground
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.pixels import is_blank, is_panorama
+from lighting.photo.pixels import is_blank, is_false_color, is_panorama
 from lighting.photo.reader import Photo
 from lighting.records import (
     MIN_SUITABLE,
@@ -50,6 +50,7 @@ from lighting.records import (
 )
 
 _UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
+_THERMAL = "Probably a picture of a thermal camera, which shows temperatures: do not trust this result."
 _PANORAMA = "The file says that this is a panorama: do not trust this result."
 _MAX_SUITABLE_IN_TWILIGHT = 0.1  # where time and place have the sun below the horizon
 _EVEN_ODDS_EXPOSURE = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd/m2
@@ -91,6 +92,9 @@ def refine_prediction(prediction: Prediction, photo: Photo, user_input: UserInpu
         user_input: what the user states of the photo.
     """
     metadata, warnings = _check_metadata(photo.metadata, prediction, user_input)
+    if (user_input.metadata and metadata.is_thermal) or is_false_color(photo.pixels):
+        thermal = CodedWarning(_THERMAL, WarningCode.THERMAL)
+        return PhotoPrediction(_as_unsuitable(prediction), metadata, (thermal, *warnings))
     if photo.is_collage or (user_input.metadata and photo.metadata.is_panorama):
         return PhotoPrediction(_as_unsuitable(prediction), metadata, warnings)
     lens = merge_user_input(metadata, user_input).vertical_fov
@@ -116,14 +120,14 @@ def _check_metadata(
 def screen_prediction(
     prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None
 ) -> Prediction:
-    """As `refine_camera`; a blank frame or a whole panorama keeps the network's camera, and is not suitable.
+    """As `refine_camera`; blank frames, false colors and panoramas keep the network's camera and are not suitable.
 
     Args:
         prediction: of the network.
         pixels: (h, w, 3) sRGB.
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
-    if is_blank(pixels) or is_panorama(pixels):
+    if is_blank(pixels) or is_panorama(pixels) or is_false_color(pixels):
         return _as_unsuitable(prediction)
     return refine_camera(prediction, pixels, vertical_fov)
 

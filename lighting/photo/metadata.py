@@ -186,6 +186,9 @@ def _heading(value: Any) -> float | None:
     return None
 
 
+_BAND_NAMES = (" ImageSource", " BandName")
+_THERMAL = r"(?i)infra-?red|thermal|\b[lm]wir\b"
+_FLIR = "http://ns.flir.com/"
 _EXPOSURE_VALUES = (-20.0, 25.0)  # EV at ISO 100 that a photo can have; others are damage
 
 
@@ -233,6 +236,8 @@ class PhotoMetadata:
     """Whether the file says of the lens more than a 35 mm value alone, in agreement."""
     is_panorama: bool = False
     """Whether the file says that several frames make the picture."""
+    is_thermal: bool = False
+    """Whether the file says that the picture shows temperatures."""
     orientation: int | None = field(default=None, compare=False)
     """1 to 8: how the pixels lie in the file."""
 
@@ -280,6 +285,7 @@ def read_metadata(
         other_vertical_fovs=lens.vertical_fovs[1:],
         is_lens_consistent=lens.is_consistent or not lens.vertical_fovs,
         is_panorama=lens.is_panorama,
+        is_thermal=tags.has_temperatures or _is_thermal(xmp),
         exposure_value=exposure_value,
         camera_height=pose.height,
         orientation=orientation,
@@ -290,6 +296,12 @@ def read_metadata(
     roll = None if tilt.roll is None else float(wrap_azimuth(tilt.roll + lens.turn))
     known = replace(known, camera_elevation=tilt.elevation, camera_roll=roll)
     return replace(known, gravity_source=tilt.source, gravity_spread=tilt.std)
+
+
+def _is_thermal(xmp: Mapping[str, str]) -> bool:
+    """Whether XMP names a camera of far infrared: by DJI's source, by the band of FLIR and Pix4D."""
+    names = (value for name, value in xmp.items() if name.endswith(_BAND_NAMES))
+    return any(re.search(_THERMAL, value) for value in names) or any(name.startswith(_FLIR) for name in xmp)
 
 
 def read_exposure(camera: Tags) -> float | None:

@@ -98,6 +98,10 @@ _INTEROP_INDEX = 1
 _HDR_CURVES: tuple[Literal["pq", "hlg"], ...] = ("pq", "hlg")
 _MIN_CONTRAST = 40.0  # gray levels, of 255, between the darkest and the brightest hundredth; photos in fog have more
 _SAMPLED_SIDE = 320  # rows or columns of the longer side that are sampled
+_PALETTE_SIDE = 112  # the same for a palette
+_PALETTE_PARTS = 48  # of a palette, in which its colors are one
+_MIN_PALETTE_SPREAD = 25.0  # levels, standard deviation of the colors
+_MAX_PALETTE_RESIDUAL = 0.095  # of that, in a part; of 137 photos none has under 0.104
 _ASPECT_TOLERANCE = 0.03  # share by which it may differ from twice as wide as high
 _MAX_SEAM_SHARE = 0.6  # of the difference between distant columns, for the first and the last one
 _MAX_SEAM_STEPS = 3.0  # times as much as neighbouring columns differ, which count as at least
@@ -571,3 +575,33 @@ def is_panorama(pixels: Pixels) -> bool:
 def _difference(rows: Floats, first: Sequence[int], second: Sequence[int]) -> float:
     """The mean difference between columns of pixels (h, w, 3)."""
     return float(np.abs(rows[:, list(first)] - rows[:, list(second)]).mean())
+
+
+def is_false_color(pixels: Pixels) -> bool:
+    """Whether all colors lie on one line of a palette, as thermal cameras show temperatures.
+
+    Along hue, or along brightness, the colors of each part of a palette are one.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+    """
+    step = -(-max(pixels.shape[:2]) // _PALETTE_SIDE)
+    height, width = (side // step for side in pixels.shape[:2])
+    if height * width < 4 * _PALETTE_PARTS:
+        return False
+    blocks = pixels[: height * step, : width * step].reshape(height, step, width, step, 3)
+    red, green, blue = np.moveaxis(blocks.mean(axis=(1, 3)).reshape(-1, 3), 1, 0)
+    gray, colors = 0.3 * red + 0.6 * green + 0.1 * blue, np.stack([red - green, 0.5 * (red + green) - blue], axis=1)
+    spread = float(np.hypot(*colors.std(axis=0)))
+    if spread < _MIN_PALETTE_SPREAD:
+        return False
+    hue = np.arctan2(colors[:, 1], colors[:, 0])
+    rest = (_palette_residual(position, np.column_stack([gray, colors])) for position in (hue, gray))
+    return min(rest) < _MAX_PALETTE_RESIDUAL * spread
+
+
+def _palette_residual(position: Floats, colors: Floats) -> float:
+    """How far colors (N, 3), in parts by their position (N,) on a palette, lie from the middle one of their part."""
+    size = len(position) // _PALETTE_PARTS
+    parts = colors[np.argsort(position)[: size * _PALETTE_PARTS]].reshape(_PALETTE_PARTS, size, 3)
+    return float(np.median(np.linalg.norm(parts - np.median(parts, axis=1, keepdims=True), axis=2), axis=1).mean())

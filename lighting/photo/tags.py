@@ -34,6 +34,7 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 _DIRECTORIES = (None, ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo, ExifTags.IFD.Interop)  # None: the main one
 _EXIF_PREFIX, _XMP_PREFIX = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"  # of a JPEG's segments
+_FLIR_PREFIX = b"FLIR\0"  # of a JPEG's segments
 _XMP_KEYWORD = "XML:com.adobe.xmp"  # of a PNG's text
 _MAX_EXIF_BLOCKS = _MAX_XMP_PACKETS = 4  # that are read
 _IPTC_TAG = 33723  # of a TIFF
@@ -94,6 +95,8 @@ class PhotoTags:
     """Properties of the XMP packet by "namespace name"."""
     iptc: Mapping[Any, Any]
     """IPTC's datasets by record and number, bytes or lists of them."""
+    has_temperatures: bool = False
+    """Whether a JPEG holds temperatures in segments of FLIR."""
 
 
 def _read_exif(image: Image.Image) -> Image.Exif:
@@ -171,7 +174,9 @@ def read_tags(image: Image.Image) -> PhotoTags:
     main, camera, gps, interoperability = (_merge_directories(blocks, ifd) for ifd in _DIRECTORIES)
     value = main.get(ExifTags.Base.Orientation)
     orientation, xmp, iptc = value if isinstance(value, int) else None, _read_packet(image), _read_iptc(image)
-    return PhotoTags(image.format, orientation, main, camera, gps, interoperability, xmp, iptc)
+    segments = (data for name, data in getattr(image, "applist", ()) if name == "APP1")
+    has_temperatures = any(data.startswith(_FLIR_PREFIX) for data in segments)
+    return PhotoTags(image.format, orientation, main, camera, gps, interoperability, xmp, iptc, has_temperatures)
 
 
 def _merge_directories(blocks: Sequence[Image.Exif], ifd: int | None) -> dict[int, Any]:

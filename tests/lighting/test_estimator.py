@@ -197,11 +197,13 @@ def test_an_empty_frame_is_no_photo_whatever_the_network_says(lit_network: Path,
 
 
 def test_pictures_of_several_views_are_no_photos_whatever_the_network_says(lit_network: Path) -> None:
-    """Collages by their pixels, panoramas by their files; the latter not where the file does not count."""
+    """Collages by pixels, panoramas and temperatures by files; the latter two not where the file does not count."""
     estimator, plain = Estimator(Model.load(lit_network)), photo_from_array(scene(320, 240))
     collage = replace(plain, is_collage=True, warnings=("A collage.",))
     panorama = replace(plain, metadata=PhotoMetadata(is_panorama=True))
-    for photo, told in ((collage, "A collage."), (panorama, "The file says that this is a panorama")):
+    thermal = replace(plain, metadata=PhotoMetadata(is_thermal=True))
+    kinds = (collage, "A collage."), (panorama, "The file says"), (thermal, "Probably a picture of a thermal camera")
+    for photo, told in kinds:
         estimate = estimator(photo)
         assert estimate.lighting.suitable == 0.01
         assert estimate.warnings[0].startswith(told)

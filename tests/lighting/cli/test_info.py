@@ -28,7 +28,13 @@ METADATA += [
     "utc_probability",
     "orientation",
 ]
-KNOWN_METADATA = {"location": False, "is_panorama": False, "is_lens_consistent": True, "other_vertical_fovs": []}
+KNOWN_METADATA = {
+    "location": False,
+    "is_panorama": False,
+    "is_thermal": False,
+    "is_lens_consistent": True,
+    "other_vertical_fovs": [],
+}
 
 
 def test_info_of_a_map_can_be_rendered_again(record_path: Path, tmp_path: Path) -> None:

@@ -599,3 +599,26 @@ def test_a_heading_in_exif_or_else_in_xmp() -> None:
 @pytest.mark.parametrize("value", ["224", "224/1", "224,0", b"22400/100\0", (224.0,), -136.0])
 def test_a_heading_however_it_is_written(value: object) -> None:
     assert _read_heading({GPS_TAGS.GPSImgDirection: value}, {})[0] == pytest.approx(224.0)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "name", "value", "is_thermal"),
+    [
+        (DJI, "ImageSource", "InfraredCamera", True),
+        (DJI, "ImageSource", "WideCamera", False),
+        ("http://pix4d.com/camera/1.0/", "BandName", "LWIR", True),
+        ("http://pix4d.com/camera/1.0/", "BandName", "Red", False),
+        ("http://ns.flir.com/xmp/1.0/", "TelemetryVersion", "2", True),
+    ],
+)
+def test_xmp_tells_a_thermal_camera(namespace: str, name: str, value: str, is_thermal: bool) -> None:
+    photo = encode(scene(64, 48), xmp=packet(namespace, {name: value}))
+    assert read_photo(photo).metadata.is_thermal == is_thermal
+
+
+def test_flirs_segments_tell_a_thermal_camera() -> None:
+    plain = encode(scene(64, 48))
+    segment = b"FLIR\0\1\0\0" + bytes(40)
+    marked = plain[:2] + b"\xff\xe1" + (len(segment) + 2).to_bytes(2, "big") + segment + plain[2:]
+    assert read_photo(marked).metadata.is_thermal
+    assert not read_photo(plain).metadata.is_thermal

@@ -5,6 +5,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,11 +16,19 @@ from lighting.envmap.render import render
 from lighting.errors import PhotoError
 from lighting.photo import pixels
 from lighting.photo.linear import read_linear
-from lighting.photo.pixels import _profile_to_rec709, is_blank, is_gamma_encoded, is_panorama, read_color_encoding
+from lighting.photo.pixels import (
+    _profile_to_rec709,
+    is_blank,
+    is_false_color,
+    is_gamma_encoded,
+    is_panorama,
+    read_color_encoding,
+)
 from lighting.photo.reader import read_photo
 from lighting.photo.tags import read_tags
 from lighting.records import Lighting
 from tests.conftest import encode, exif, scene
+from tests.helpers.pages import ROOT
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, packet, png
 
 SCENE = scene(90, 60)
@@ -377,3 +386,29 @@ def panorama(height: int) -> np.ndarray:
     houses = 90 + 40 * np.sin(5 * x)[None] + 40 * np.cos(2 * x)[None]
     below = np.arange(height)[:, None] > 0.45 * height
     return np.asarray(np.where(below, houses, 120 + grey / 3).astype(np.uint8)[..., None].repeat(3, axis=2))
+
+
+EXAMPLES = [read_photo(path).pixels for path in sorted((ROOT / "examples").glob("*.jpg"))[::3]]
+
+
+@pytest.mark.parametrize("name", ["INFERNO", "PLASMA", "HOT", "JET", "RAINBOW", "TURBO", "VIRIDIS"])
+def test_colors_on_one_line_of_a_palette_are_false(name: str) -> None:
+    found = 0
+    for photo in EXAMPLES:
+        gray = cv2.resize(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), (320, 240), interpolation=cv2.INTER_AREA)
+        gray = cv2.resize(
+            cv2.normalize(gray, None, 0, 255, cv2.NORM_MINMAX), (640, 480)
+        )  # few thermal pixels, enlarged
+        shown = cv2.applyColorMap(gray, getattr(cv2, f"COLORMAP_{name}"))
+        found += is_false_color(read_photo(encode(np.ascontiguousarray(shown[..., ::-1]))).pixels)
+    assert found >= len(EXAMPLES) - 1
+
+
+def test_photos_and_gray_pictures_have_no_false_colors() -> None:
+    for photo in EXAMPLES:
+        assert not is_false_color(photo)
+        gray = np.repeat(photo.mean(axis=2, keepdims=True), 3, axis=2)
+        sepia = np.clip(gray * [1.1, 1.0, 0.75], 0, 255)
+        assert not is_false_color(gray.astype(np.uint8))
+        assert not is_false_color(sepia.astype(np.uint8))
+    assert not is_false_color(np.zeros((4, 4, 3), np.uint8))
