@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
@@ -36,6 +36,8 @@ class Query(BaseModel):
     """Parameters of a URL; unknown names are refused, short ones are read, and old ones are until 0.3.0."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    old_names: ClassVar[Mapping[str, str]] = {}
+    """Old names of these parameters alone, and the new ones."""
 
     @model_validator(mode="before")
     @classmethod
@@ -43,7 +45,7 @@ class Query(BaseModel):
         if not isinstance(values, Mapping):
             return values
         renamed, names = dict(values), {field.alias or name for name, field in cls.model_fields.items()}
-        for other, name in (OLD_NAMES | SHORT_FORMS).items():
+        for other, name in (OLD_NAMES | SHORT_FORMS | dict(cls.old_names)).items():
             if other in renamed and name in names:
                 if name in renamed:
                     raise field_error(other, f"is the same as {name}; give one of them", ErrorCode.DUPLICATE)
@@ -284,8 +286,9 @@ class PlaceQuery(ViewQuery):
 class ProbeQuery(ViewQuery):
     """A light probe for an engine."""
 
-    format: Annotated[str, RegistryName(LIGHT_PROBE_FORMATS)] = Field(
-        "record", description="the engine that takes it; `record` is the record's `light_probe`"
+    old_names: ClassVar[Mapping[str, str]] = {"format": "for"}  # gone in 0.3.0
+    tool: Annotated[str, RegistryName(LIGHT_PROBE_FORMATS)] = Field(
+        "record", alias="for", description="the engine that takes it; `record` is the record's `light_probe`"
     )
 
 

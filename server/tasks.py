@@ -169,7 +169,7 @@ def encode_probe_of_lighting(lighting: Lighting, query: queries.ProbeQuery) -> b
     with trace_step("map"):
         probe = compute_light_probe(light_of_map(lighting, view), sun=view.sun, yaw=view.yaw)
     with trace_step("encode"):
-        return encode_light_probe(probe, query.format).encode()
+        return encode_light_probe(probe, query.tool).encode()
 
 
 def encode_probe_of_photo(service: Service, data: bytes, query: queries.PhotoProbeQuery) -> bytes:
@@ -182,7 +182,7 @@ def encode_probe_of_photo(service: Service, data: bytes, query: queries.PhotoPro
     """
     probe = _edited_estimate(service, data, query).probe(query.view())
     with trace_step("encode"):
-        return encode_light_probe(probe, query.format).encode()
+        return encode_light_probe(probe, query.tool).encode()
 
 
 def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -> bytes:

@@ -262,8 +262,8 @@ def write_exr(
 ) -> None:
     """Write a map to a path or a binary stream.
 
-    Every program opens `zip`. It writes half floats, or 32-bit floats where half floats do not hold the map. `pxr24`
-    and `none` always write 32-bit floats.
+    `zip` writes half floats, or 32-bit floats where half floats do not hold the map. `pxr24` and `none` always write
+    32-bit floats.
 
     Args:
         target: a path, where the file appears when it is whole, or a binary stream.
@@ -306,6 +306,7 @@ def write_exr(
         **(attributes or {}),
     }
     if attributes:
+        _check_attributes(attributes)
         _try_attributes(header)
     file = OpenEXR.File(header, {"RGB": pixels})
     if isinstance(target, str | os.PathLike):
@@ -455,6 +456,18 @@ def open_target(target: WriteTarget) -> Iterator[BinaryIO]:
             yield stream
     except OSError as error:
         raise EnvironmentMapError(f"{os.fspath(target)} cannot be written: {error.strerror or error}.") from error
+
+
+def _check_attributes(attributes: Mapping[str, Any]) -> None:
+    """Raise EnvironmentMapError for what OpenEXR would write as something else."""
+    for name, value in attributes.items():
+        if isinstance(value, int | np.integer) and not -(2**31) <= int(value) < 2**31:
+            predicate = f"is {value}, and whole numbers of an EXR have 32 bits; write it as text."
+        elif name == "envmap" and not isinstance(value, type(OpenEXR.ENVMAP_LATLONG)):
+            predicate = f"is {value!r}; it must be OpenEXR.ENVMAP_LATLONG, which is written without it, too."
+        else:
+            continue
+        raise EnvironmentMapError(f"The attribute {name} {predicate}", "attributes", ErrorCode.OUT_OF_RANGE)
 
 
 def _try_attributes(header: Mapping[str, Any]) -> None:

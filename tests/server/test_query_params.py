@@ -31,6 +31,7 @@ from server.query_params import (
     LightingsQuery,
     MapQuery,
     PhotoSceneQuery,
+    SkyProbeQuery,
     UserInputQuery,
     check_photo_headings,
     refuse_photo_parameters,
@@ -448,3 +449,12 @@ def test_photos_that_are_not_together_are_estimated_alone(client: TestClient) ->
     assert answer[0]["sun"] == alone["sun"]
     refused = client.post("/v1/lightings?together=false&headings=0,90", files=files)
     assert problem(refused, 422, "invalid")["errors"][0]["field"] == "headings"
+
+
+def test_a_light_probe_is_for_an_engine_by_its_old_name_too() -> None:
+    sky = {"sun_azimuth": "10", "sun_elevation": "30", "turbidity": "3"}
+    for name in ("for", "format", "tool"):
+        assert SkyProbeQuery.model_validate({**sky, name: "threejs"}).tool == "threejs"
+    assert SkyProbeQuery.model_validate(sky).tool == "record"
+    with pytest.raises(ValidationError, match="is the same as for"):
+        SkyProbeQuery.model_validate({**sky, "for": "unity", "format": "unity"})

@@ -34,6 +34,7 @@ from lighting.files.exr import (
     _prepare_compression,
     read_envmap,
     read_exr,
+    read_exr_attributes,
     set_compression_threads,
     write_exr,
 )
@@ -588,6 +589,31 @@ def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, rounded_map: N
     with pytest.raises(ParameterError, match="A Lighting is needed, not dict"):
         write_exr(tmp_path / "a.exr", rounded_map, cast(Any, {"sun": {}}))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("attributes", "told"),
+    [
+        ({"time": 2**40}, "time is 1099511627776, and whole numbers of an EXR have 32 bits"),
+        ({"time": -(2**31) - 1}, "32 bits"),
+        ({"time": np.int64(2**31)}, "32 bits"),
+        ({"envmap": 0}, "envmap is 0"),
+        ({"envmap": "latlong"}, "envmap is 'latlong'"),
+    ],
+)
+def test_attributes_that_would_be_written_as_others_are_refused(
+    tmp_path: Path, rounded_map: NDArray[np.float32], attributes: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(EnvironmentMapError, match=told):
+        write_exr(tmp_path / "a.exr", rounded_map, attributes=attributes)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_largest_whole_numbers_of_an_exr_are_kept(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
+    numbers = {"high": 2**31 - 1, "low": -(2**31), "envmap": OpenEXR.ENVMAP_LATLONG}
+    write_exr(tmp_path / "a.exr", rounded_map, attributes=numbers)
+    read = read_exr_attributes(tmp_path / "a.exr")
+    assert {name: read[name] for name in numbers} == numbers
 
 
 @pytest.mark.parametrize("attributes", [{"place": {"a": 1}}, {"": 1.0}, {"compression": "foo"}, {3: 4.0}])

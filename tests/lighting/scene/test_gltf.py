@@ -162,7 +162,9 @@ def image_light(document: dict[str, Any]) -> dict[str, Any]:
 def test_the_map_lights_by_its_irradiance(tmp_path: Path) -> None:
     scene = sunlit_scene()
     gltf.write_gltf(scene, tmp_path)
-    irradiance = np.array(image_light(document_of(tmp_path)[0])["irradianceCoefficients"])
+    light = image_light(document_of(tmp_path)[0])
+    assert light["intensity"] == 1.0  # written, too: left out, Babylon.js shows black; another squares diffuse light
+    irradiance = np.array(light["irradianceCoefficients"])
     in_babylon = UNIT_NORMALS * [-1, 1, 1]  # its left-handed frame, turned as its loader turns it
     values = _harmonics_basis(in_babylon) @ (CONDON_SHORTLEY[:, None] * irradiance)
     assert values == pytest.approx(scene.light_probe.irradiance(UNIT_NORMALS), rel=1e-4)
