@@ -1,6 +1,7 @@
 """The commands that make pictures of a light: envmap, preview, render; and light probes for engines and phones."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from lighting.cli import options as common
 from lighting.cli.options import PhotoOptions, usage_errors
 from lighting.cli.photos import estimate_file, process_photos
 from lighting.files import FileOptions
-from lighting.map_options import Around, MapOptions
+from lighting.map_options import DEFAULT_MAP, Around, MapOptions
 
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
@@ -48,7 +49,7 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, file: FileOptions, prev
         _write_map(output, estimate.render(chosen.view), files[number])
         written = {"output": output}
         if preview:
-            _write_preview(preview, estimate, chosen.view)
+            _write_preview(preview, estimate, replace(chosen.view, yaw=DEFAULT_MAP.yaw, height=DEFAULT_MAP.height))
             written["preview"] = preview
         chosen.print_estimate(name, estimate, estimate.warnings, written)
         return list(written.values())
