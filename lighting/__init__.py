@@ -2,24 +2,21 @@
 
 from typing import TYPE_CHECKING
 
-__version__ = "0.2.0"  # of the package; the network's is its own, `records.ModelSpec`
+from lighting.version import __version__
 
 if TYPE_CHECKING:
     from lighting.estimator import Estimator, estimate
     from lighting.estimator import render_lighting as render
-    from lighting.files import FileOptions
     from lighting.files.exr import read_exr, write_exr
     from lighting.fusion.user_input import UserInput
-    from lighting.map_options import Adjustments, MapOptions
+    from lighting.map_options import MapOptions
     from lighting.photo.reader import read_photo
     from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
 
 __all__ = [
-    "Adjustments",
     "Estimate",
     "Estimator",
-    "FileOptions",
     "Lighting",
     "MapOptions",
     "UserInput",
@@ -32,10 +29,8 @@ __all__ = [
 ]
 
 _HOMES = {  # module, and the name in it where that differs
-    "Adjustments": "map_options",
     "Estimate": "photo_estimate",
     "Estimator": "estimator",
-    "FileOptions": "files",
     "Lighting": "records",
     "MapOptions": "map_options",
     "UserInput": "fusion.user_input",

@@ -14,7 +14,6 @@ References:
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,9 +22,9 @@ from lighting.color import color_and_intensity, color_temperature, luminance, sr
 from lighting.envmap.render import level_irradiance, render, sun_light
 from lighting.envmap.surroundings import COARSE_ROWS, PhotoContext, render_coarse
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import describe_fields, round_all, round_significant
+from lighting.fields import round_all, round_significant
 from lighting.geometry import Floats, latlong_angles, latlong_solid_angle
-from lighting.records import Json, Lighting, check_lighting
+from lighting.records import Json, Lighting, LightProbe, MainLight, check_lighting
 from lighting.sky.clear_sky import LUX, sun_disc_points, sun_disc_radiance
 
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
@@ -77,7 +76,7 @@ def project_latlong(image: NDArray[np.floating]) -> Floats:
     return np.asarray(np.stack(polynomials).sum(axis=1) * BASIS_FACTORS[:, None])
 
 
-def _irradiance_from_harmonics(coefficients: ArrayLike, normals: ArrayLike) -> Floats:
+def irradiance_from_harmonics(coefficients: ArrayLike, normals: ArrayLike) -> Floats:
     """Return the irradiance (..., 3) of surfaces by coefficients of radiance [1].
 
     Args:
@@ -107,54 +106,6 @@ _MAX_LEVEL = 100.0  # irradiance of level ground that any map holds
 _CLEAREST_AIR = 1.0  # turbidity
 _NEUTRAL_LUMENS = 1000.0  # of ARKit: white faces it and shows as 1
 _MIRRORED = np.array([1, 1, -1, 1, 1, -1, 1, -1, 1])[:, None]  # signs of the functions where +Z becomes -Z
-
-
-@dataclass(frozen=True, eq=False)
-class MainLight:
-    """The sun as a directional light."""
-
-    direction: Floats
-    """(3,) unit vector towards it."""
-    irradiance: Floats
-    """(3,) linear Rec.709 of a surface that faces it, in the photo's linear units; 0: it is not seen."""
-    lux: float
-    """Lux, 0 or more, on such a surface, as far as the record's exposure tells it."""
-    kelvin: float | None
-    """Correlated color temperature, 1000 to 40000; None of no light."""
-
-    def to_dict(self) -> Json:
-        """Return it as JSON."""
-        return {
-            "direction": round_all(self.direction),
-            "irradiance": round_all(self.irradiance),
-            "lux": round_significant(self.lux),
-            "kelvin": None if self.kelvin is None else round(self.kelvin),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class LightProbe:
-    """Radiance from all directions but the sun, and the sun as the main light."""
-
-    coefficients: Floats
-    """(9, 3) of linear Rec.709 radiance of the functions 1, y, z, x, xy, yz, 3z² - 1, xz and x² - y²."""
-    main_light: MainLight
-    """The sun."""
-
-    def irradiance(self, normals: Floats) -> Floats:
-        """Return the irradiance (..., 3) of surfaces by the probe alone, without the main light.
-
-        Args:
-            normals: (..., 3), unit vectors.
-        """
-        return _irradiance_from_harmonics(self.coefficients, normals)
-
-    def to_dict(self) -> Json:
-        """Return it as `light_probe` of a JSON record."""
-        return {"coefficients": [round_all(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
-
-
-describe_fields(MainLight, LightProbe)
 
 
 def compute_light_probe(
@@ -285,7 +236,9 @@ def _arcore(probe: LightProbe) -> Json:
 def _arkit(probe: LightProbe) -> Json:
     """The properties of an ARDirectionalLightEstimate: all red, then all green, then all blue coefficients."""
     light = probe.main_light
-    level = probe.irradiance(np.array([0.0, 1.0, 0.0])) + light.irradiance * max(float(light.direction[1]), 0.0)
+    level = irradiance_from_harmonics(probe.coefficients, [0.0, 1.0, 0.0]) + light.irradiance * max(
+        float(light.direction[1]), 0.0
+    )
     return {
         "sphericalHarmonicsCoefficients": round_all(probe.coefficients.T),
         "primaryLightDirection": round_all(-light.direction),

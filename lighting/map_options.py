@@ -24,7 +24,7 @@ class Around(StrEnum):
     """What a map shows around its photo."""
 
     PLACE = "place"
-    """The photo, and the place around it with detail, where the network predicts it."""
+    """The photo, and the place around it with detail."""
     PHOTO = "photo"
     """The photo, and a smooth continuation of it."""
     PLAIN = "plain"
@@ -35,8 +35,8 @@ class Around(StrEnum):
 class OptionText:
     """What people read of an option."""
 
-    help: str
-    """A phrase without a full stop."""
+    help: str | Callable[[], str]
+    """A phrase without a full stop, or what makes it of a registry as it is."""
     unit: str = ""
     """As the command line's help names a value."""
     range: tuple[float, float] | None = None
@@ -45,6 +45,11 @@ class OptionText:
     """Such a number."""
     choices: Callable[[], Collection[str]] | None = None
     """The names that it takes, as their registry has them now."""
+
+    @property
+    def phrase(self) -> str:
+        """The help as it is now."""
+        return self.help if isinstance(self.help, str) else self.help()
 
 
 def option(default: Any, text: OptionText) -> Any:
@@ -119,7 +124,7 @@ class MapKeywords(TypedDict, total=False):
     sun: bool | None
     yaw: float
     sky: str | None
-    around: str
+    around: str | None
     disc: bool
     adjustments: Adjustments
     surroundings: bool | None
@@ -143,19 +148,22 @@ class MapOptions:
     sky: str | None = option(
         None,
         OptionText(
-            f"the sky's shape: {format_sky_models(' or ')}, which are advanced", "MODEL", choices=lambda: SKY_MODELS
+            lambda: f"the sky's shape: {format_sky_models(' or ')}, which are advanced",
+            "MODEL",
+            choices=lambda: SKY_MODELS,
         ),
     )
     """One of `lighting.sky.SKY_MODELS`, which paints the sky. None: the record's."""
-    around: str = option(
-        "place",
+    around: str | None = option(
+        None,
         OptionText(
-            "around the photo: the place with its detail, the photo alone and smoothly on, or plain sky and ground",
+            "around the photo: the place with its detail, the photo alone and smoothly on, or plain sky and ground; "
+            "by default the place, where the network predicts it",
             "NAME",
             choices=lambda: [kind.value for kind in Around],
         ),
     )
-    """One of Around. A network that predicts no place leaves the map plain unless `around` is "photo"."""
+    """One of Around. None: "place" where the network predicts it, else "plain"."""
     disc: bool = option(True, OptionText("paint the sun's disc; without it the sun still lights the ground"))
     """False leaves the sun's disc for a light of its own; the sun still lights the ground."""
     adjustments: Adjustments = field(default_factory=Adjustments)
@@ -221,7 +229,7 @@ class MapOptions:
 def around_of_switches(
     surroundings: bool | None, detail: bool | None, without_detail: str = Around.PHOTO.value
 ) -> str | None:
-    """Return what `around` is by the two switches that it replaces; None where neither is stated.
+    """Return what `around` is by the two switches that it replaces; None where they leave it open.
 
     Args:
         surroundings: whether the map shows the place; None: not stated.
@@ -232,7 +240,7 @@ def around_of_switches(
         return Around.PLAIN.value
     if detail is False:
         return without_detail
-    return None if surroundings is None and detail is None else Around.PLACE.value
+    return Around.PLACE.value if surroundings else None
 
 
 def check_height(height: int) -> None:

@@ -9,7 +9,7 @@ canvas shows. The metadata key `spec` holds a ModelSpec as JSON.
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +22,28 @@ from lighting.records import SURROUNDINGS_SHAPE, Light, ModelSpec, Prediction
 from lighting.segmentation import CELL_PIXELS, SurfaceClass
 from lighting.sun_grid import grid_directions
 
-if TYPE_CHECKING:
-    from lighting.photo.reader import Photo
-
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
 # Of output `light`: irradiances in the photo's linear units, then two shares.
 _LIGHT_OUTPUT = ("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue", "cover", "suitable")
 OUTPUTS = ("sun_probability", "parameters")
 OPTIONAL_OUTPUTS = ("light", "around", "segments")  # of which `around` needs `light`
 MODEL_CARD, METRICS = "MODEL_CARD.md", "metrics.json"  # beside a network's file; a user's may have neither
+
+
+class Picture(Protocol):
+    """What the network sees, such as a Photo."""
+
+    @property
+    def pixels(self) -> NDArray[np.uint8]:
+        """(h, w, 3) sRGB, upright; perhaps fewer than in the file."""
+
+    @property
+    def width(self) -> int:
+        """Columns in the file, pixels."""
+
+    @property
+    def height(self) -> int:
+        """Rows in the file, pixels."""
 
 
 class Model:
@@ -100,7 +113,7 @@ class Model:
         outputs = self._run(batch)
         return [_prediction(self.spec, dict(zip(self.outputs, row, strict=True))) for row in zip(*outputs, strict=True)]
 
-    def predict_one(self, photo: "Photo") -> Prediction:
+    def predict_one(self, photo: Picture) -> Prediction:
         """Run the network on one photo.
 
         Args:
@@ -237,7 +250,7 @@ def pad_to_input(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float
     return canvas
 
 
-def resize_to_input(photo: "Photo", spec: ModelSpec) -> NDArray[np.uint8]:
+def resize_to_input(photo: Picture, spec: ModelSpec) -> NDArray[np.uint8]:
     """The photo's pixels (h, w, 3) sRGB resized without aliasing to `fit_size`.
 
     Args:
@@ -250,7 +263,7 @@ def resize_to_input(photo: "Photo", spec: ModelSpec) -> NDArray[np.uint8]:
     return np.asarray(Image.fromarray(photo.pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
 
 
-def preprocess(photo: "Photo", spec: ModelSpec) -> NDArray[np.float32]:
+def preprocess(photo: Picture, spec: ModelSpec) -> NDArray[np.float32]:
     """The network's input (1, 3, H, W): the resized photo on its canvas.
 
     Args:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from PIL import Image as Pictures
 
     from lighting.envmap.surroundings import PhotoContext
-    from lighting.light_probe import LightProbe
+    from lighting.records import LightProbe
     from lighting.rendered_map import RenderedMap
     from lighting.scene.records import Scene
 
@@ -278,14 +278,16 @@ class Estimate(EstimatedLight):
         light = self.photo_lighting
         return PhotoContext(self.photo.pixels, self.surroundings, light.exposure, light, self.segments, detail=True)
 
-    def context(self, around: str = "place", pixels: NDArray[np.uint8] | None = None) -> "PhotoContext | None":
+    def context(self, around: str | None = None, pixels: NDArray[np.uint8] | None = None) -> "PhotoContext | None":
         """Return what a map shows of the photo and its place; None: sky and ground alone.
 
         Args:
-            around: one of Around.
+            around: one of Around; None: the place, where the network predicts it.
             pixels: (h, w, 3) sRGB of the photo, more of them; None: as it was read.
         """
-        if around == Around.PLAIN or (around == Around.PLACE and self.surroundings is None):
+        if around is None:
+            around = Around.PLAIN if self.surroundings is None else Around.PLACE
+        if around == Around.PLAIN:
             return None
         place = self._place
         if around == Around.PLACE and pixels is None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from datetime import datetime
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,13 @@ from lighting.fields import (
     flatten_record,
     nest_fields,
     record_path,
+    round_all,
+    round_significant,
 )
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
 from lighting.sky.clear_sky import sky_coefficients
 from lighting.sun_grid import bayes_direction
-
-if TYPE_CHECKING:
-    from lighting.light_probe import LightProbe
 
 Json = dict[str, Any]  # an object of JSON, as it is read or written
 Color = tuple[float, float, float]  # linear Rec.709
@@ -444,6 +443,43 @@ def check_lighting(thing: object) -> None:
 
 
 @dataclass(frozen=True, eq=False)
+class MainLight:
+    """The sun as a directional light."""
+
+    direction: Floats
+    """(3,) unit vector towards it."""
+    irradiance: Floats
+    """(3,) linear Rec.709 of a surface that faces it, in the photo's linear units; 0: it is not seen."""
+    lux: float
+    """Lux, 0 or more, on such a surface, as far as the record's exposure tells it."""
+    kelvin: float | None
+    """Correlated color temperature, 1000 to 40000; None of no light."""
+
+    def to_dict(self) -> Json:
+        """Return it as JSON."""
+        return {
+            "direction": round_all(self.direction),
+            "irradiance": round_all(self.irradiance),
+            "lux": round_significant(self.lux),
+            "kelvin": None if self.kelvin is None else round(self.kelvin),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class LightProbe:
+    """Radiance from all directions but the sun, and the sun as the main light."""
+
+    coefficients: Floats
+    """(9, 3) of linear Rec.709 radiance of the functions 1, y, z, x, xy, yz, 3z² - 1, xz and x² - y²."""
+    main_light: MainLight
+    """The sun."""
+
+    def to_dict(self) -> Json:
+        """Return it as `light_probe` of a JSON record."""
+        return {"coefficients": [round_all(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
+
+
+@dataclass(frozen=True, eq=False)
 class SunDistribution:
     """Where the sun may be: a probability for each cell of a grid over the upper hemisphere."""
 
@@ -477,7 +513,9 @@ class EstimatedLight:
         return self.lighting.warnings
 
 
-describe_fields(ModelSpec, Light, Prediction, SunEstimate, Lighting, SunDistribution, EstimatedLight)
+describe_fields(
+    ModelSpec, Light, Prediction, SunEstimate, Lighting, MainLight, LightProbe, SunDistribution, EstimatedLight
+)
 
 
 def check_estimate(thing: object) -> None:
@@ -539,7 +577,7 @@ def _check_spec(name: str, fits: bool) -> None:
         raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
 
 
-def record_with_coefficients(lighting: Lighting, probe: "LightProbe | None" = None) -> Json:
+def record_with_coefficients(lighting: Lighting, probe: LightProbe | None = None) -> Json:
     """Return the JSON record with `sky.coefficients`, for programs that draw the sky themselves, and `light_probe`.
 
     Args:
@@ -555,7 +593,7 @@ def record_with_coefficients(lighting: Lighting, probe: "LightProbe | None" = No
 def json_line(
     name: str,
     answer: Lighting | str,
-    probe: "LightProbe | None" = None,
+    probe: LightProbe | None = None,
     outputs: Mapping[str, str] = {},
     *,
     crop: Mapping[str, int] | None = None,

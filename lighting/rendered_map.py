@@ -8,9 +8,9 @@ from lighting.envmap.relighting import light_of_map
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.fields import describe_fields
 from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, write_envmap
-from lighting.light_probe import LightProbe, compute_light_probe
+from lighting.light_probe import compute_light_probe
 from lighting.map_options import DEFAULT_MAP, MapOptions
-from lighting.records import Lighting
+from lighting.records import Lighting, LightProbe
 from lighting.runtime import ONE_BLAS_THREAD, return_memory
 from lighting.tracing import trace_step
 

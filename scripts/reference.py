@@ -16,11 +16,11 @@ import lighting.errors as errors
 from lighting.cli import Command, Group, cli
 from lighting.errors import ErrorCode, LightingError
 from lighting.fields import field_docstrings
-from lighting.light_probe import LightProbe, MainLight
+from lighting.files import FileOptions
 from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop
-from lighting.records import SunDistribution, WarningCode
+from lighting.records import LightProbe, MainLight, SunDistribution, WarningCode
 from lighting.scene.records import Scene
 from scripts.markdown import WRITTEN, escape_marks, link_terms, write_table
 from scripts.reference_http import write_http
@@ -30,7 +30,15 @@ from server.settings import PREFIX, Settings
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 _RECORDS: tuple[Any, ...] = (
-    *(lighting.Lighting, lighting.Estimate, SunDistribution, lighting.UserInput, Adjustments),
+    *(
+        lighting.Lighting,
+        lighting.Estimate,
+        SunDistribution,
+        lighting.UserInput,
+        lighting.MapOptions,
+        Adjustments,
+        FileOptions,
+    ),
     *(Photo, PhotoCrop, PhotoMetadata, LightProbe, MainLight, Scene),
 )
 _ARRAY = re.compile(r"numpy\.ndarray\[.*?numpy\.dtype\[numpy\.(\w+)(?:\[typing\.Any\])?\]\]")  # any numpy's name of one

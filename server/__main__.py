@@ -13,9 +13,9 @@ from logging.config import dictConfig
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from lighting import __version__
 from lighting.errors import LightingError
 from lighting.runtime import keep_memory
+from lighting.version import __version__
 
 if TYPE_CHECKING:
     from fastapi import FastAPI

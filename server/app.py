@@ -10,10 +10,10 @@ from anyio import create_task_group, to_thread
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.routing import APIRoute
 
-from lighting import __version__
 from lighting.estimator import Estimator
 from lighting.records import Json
 from lighting.runtime import ONE_BLAS_THREAD
+from lighting.version import __version__
 from server import job_routes, middleware, pages, problems, routes
 from server.dependencies import Service, enforce_rate_limit, require_api_key
 from server.query_params import refuse_duplicates

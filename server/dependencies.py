@@ -23,13 +23,12 @@ from lighting.envmap.latlong import Image
 from lighting.errors import LightingError, MissingExtraError
 from lighting.estimator import Estimator
 from lighting.fusion.user_input import UserInput
-from lighting.light_probe import LightProbe
 from lighting.model import Model, packaged_model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, PhotoCrop
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.photo_estimate import Estimate
-from lighting.records import CodedWarning, EstimatedLight, Lighting, WarningCode
+from lighting.records import CodedWarning, EstimatedLight, Lighting, LightProbe, WarningCode
 from lighting.registration import photo_set, two_view
 from lighting.tracing import trace_step
 from server import problems

@@ -19,7 +19,6 @@ from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from pydantic_core import from_json
 
-from lighting import __version__
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
 from lighting.model import METRICS
@@ -27,6 +26,7 @@ from lighting.records import Json, Lighting, ModelSpec
 from lighting.registration import two_view
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
+from lighting.version import __version__
 from server import problems, responses, tasks
 from server import query_params as queries
 from server.dependencies import (

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi.telemetry import TelemetryConfig
 
-from lighting import __version__
 from lighting.errors import require_extra
 from lighting.tracing import STEP_NAMES, Step, listen_to_steps
+from lighting.version import __version__
 
 if TYPE_CHECKING:
     from opentelemetry.context import Context

@@ -14,9 +14,9 @@ from typing import Any, ClassVar
 
 import click
 
-from lighting import __version__
 from lighting.cli.console import escape_control_chars, format_error, is_broken_pipe
 from lighting.errors import OLD_NAMES, LightingError
+from lighting.version import __version__
 
 _HOME = {  # the module of each command, in the order of use; a call imports no other
     "open": "serve",

@@ -28,16 +28,13 @@ from lighting.errors import (
     ProbeError,
     describe_error,
 )
-from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable, join_words
+from lighting.files import CLIP_SUFFIXES, MAP_FILE_SUFFIXES, MAP_FORMATS, atomic_write, escape_undecodable, join_words
 
 if TYPE_CHECKING:
-    from lighting.light_probe import LightProbe
     from lighting.photo.reader import Photo, PhotoCrop
-    from lighting.records import Lighting
+    from lighting.records import Lighting, LightProbe
 
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
-CLIP_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp")
-MAP_FILE_SUFFIXES = (".exr", ".hdr")  # of maps, and never of photos; systems have no program for them
 RECORD_SUFFIXES = (".json", ".jsonl")
 _HINT = "'-o' / '--output'"  # how click names the option in an error
 
@@ -302,15 +299,6 @@ def check_photo_file(name: str) -> None:
         raise PhotoError(f"It is a clip: try `lighting video {shlex.quote(name)}`.")
 
 
-def is_address(name: str) -> bool:
-    """Tell whether a file's name is an address in the web.
-
-    Args:
-        name: as the user typed it.
-    """
-    return name.lower().startswith(("http://", "https://", "ftp://"))
-
-
 def read_picture_bytes(name: str) -> bytes:
     """Read the file of an EXR or HDR, or that of a photo as far as a photo may be long.
 
@@ -350,7 +338,7 @@ def read_photo_bytes(name: str) -> bytes:
     return read_bytes(Path(name))
 
 
-def read_photo(name: str, target: int | None = None) -> "Photo":
+def read_photo_file(name: str, target: int | None = None) -> "Photo":
     """Read the photo in a file; raises as `read_photo_bytes`, and PhotoError for what is no photo.
 
     Args:

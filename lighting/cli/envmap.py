@@ -17,8 +17,8 @@ from lighting.map_options import DEFAULT_MAP, Around, MapOptions
 
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
-    from lighting.light_probe import LightProbe
     from lighting.photo_estimate import Estimate
+    from lighting.records import LightProbe
     from lighting.rendered_map import RenderedMap
 
 
@@ -166,8 +166,8 @@ def _refuse_place(view: MapOptions, user_input: "UserInput", model: str | None) 
     """Raise UsageError for an option that would do nothing without a photo."""
     from lighting.fusion.user_input import NO_USER_INPUT
 
-    if view.around == Around.PHOTO or model is not None or user_input != NO_USER_INPUT:
-        raise click.UsageError("--around photo, --model and what is known of the photo need --photo.")
+    if view.around in (Around.PLACE, Around.PHOTO) or model is not None or user_input != NO_USER_INPUT:
+        raise click.UsageError("--around place and photo, --model and what is known of the photo need --photo.")
 
 
 def _formats() -> list[str]:
@@ -235,7 +235,7 @@ def _probe_of_record(source: str, view: MapOptions, user_input: "UserInput", mod
     from lighting.fusion.user_input import NO_USER_INPUT
     from lighting.light_probe import compute_light_probe
 
-    if model is not None or view.around != MapOptions.around or user_input != NO_USER_INPUT:
+    if model is not None or view.around is not None or user_input != NO_USER_INPUT:
         raise click.UsageError("A record holds the light already; leave out the options about a photo.")
     return compute_light_probe(console.read_lighting(source), sun=view.sun)
 

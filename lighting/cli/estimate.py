@@ -38,7 +38,7 @@ def _answers(
     estimator = load_estimator(model)
     if together:
         return lambda photos: _estimate_views(estimator, photos, user_input, headings)
-    return lambda photos: _estimate_each(photos, lambda name: estimator(console.read_photo(name), user_input))
+    return lambda photos: _estimate_each(photos, lambda name: estimator(console.read_photo_file(name), user_input))
 
 
 def _estimate_each(names: Iterable[str], estimate: "Callable[[str], Estimate]") -> Answers:
@@ -62,7 +62,7 @@ def _estimate_views(
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
-            read[i] = name, console.read_photo(name, MAX_SIDE if register else None)
+            read[i] = name, console.read_photo_file(name, MAX_SIDE if register else None)
         except (PhotoError, OSError) as error:
             yield name, error
     if not read:

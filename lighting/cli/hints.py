@@ -10,8 +10,8 @@ from pathlib import Path
 import click
 
 from lighting.batch.results import PHOTO_SUFFIXES
-from lighting.cli.console import CLIP_SUFFIXES, MAP_FILE_SUFFIXES, is_address
 from lighting.errors import FOREIGN_NAMES
+from lighting.files import CLIP_SUFFIXES, MAP_FILE_SUFFIXES, is_address
 from lighting.scene import EXPORTERS
 
 _NEAR = 0.6  # share of the letters that a suggestion has in common with what was typed

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lighting import __version__
 from lighting.checksum import verify_checksums
 from lighting.cli import cli
 from lighting.cli import options as common
@@ -37,6 +36,7 @@ from lighting.confinement import describe_confinement
 from lighting.errors import ErrorCode, LightingError, PhotoError, install_command
 from lighting.files import escape_undecodable
 from lighting.start import silence_libraries
+from lighting.version import __version__
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 
-from lighting.cli.console import MAPS, OutputKind, is_address, print_estimate
+from lighting.cli.console import MAPS, OutputKind, print_estimate
 from lighting.errors import EnvironmentMapError, LightingError, ParameterError
 from lighting.fields import option_name
-from lighting.files import FileOptions
+from lighting.files import FileOptions, is_address
 from lighting.map_options import (
     Adjustments,
     Around,
@@ -244,7 +244,7 @@ def _text_option(name: str, text: OptionText, default: object) -> Decorator:
 
 
 def _sentence(text: OptionText) -> str:
-    return f"{text.help[0].upper()}{text.help[1:]}."
+    return f"{text.phrase[0].upper()}{text.phrase[1:]}."
 
 
 def _checked_height(_ctx: click.Context, _param: click.Parameter, height: int) -> int:
@@ -341,7 +341,7 @@ def map_options(*names: str, without_detail: str = Around.PHOTO.value) -> Decora
             fields_of = {name: values.pop(name) for name in names if name != "adjustments"}
             if "around" in names:
                 old = around_of_switches(values.pop("surroundings"), values.pop("detail"), without_detail)
-                fields_of["around"] = old or fields_of["around"]
+                fields_of["around"] = fields_of["around"] or old
             if "adjustments" in names:
                 sun, *others = (values.pop(name) for name in _ADJUSTMENTS)
                 if sun is not None and fields_of["sun"] is False:

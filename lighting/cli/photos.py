@@ -76,7 +76,7 @@ def _photo_estimator(chosen: PhotoOptions, meanwhile: Callable[[], object]) -> "
 
     def estimate(name: str) -> "Estimate":
         with console.prefix_errors(name):
-            return estimator(console.read_photo(name), chosen.user_input)
+            return estimator(console.read_photo_file(name), chosen.user_input)
 
     return estimate
 
@@ -122,7 +122,7 @@ def estimate_alone(
     from lighting.estimator import estimate_once
 
     with exit_on_interrupt(), started.thread if started else ThreadPoolExecutor(1) as thread:
-        read = partial(console.read_photo, name)
+        read = partial(console.read_photo_file, name)
         return estimate_once(read, load, user_input, thread=thread, meanwhile=meanwhile)
 
 

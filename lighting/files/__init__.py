@@ -25,13 +25,11 @@ if TYPE_CHECKING:
 
     from lighting.files.exr import Image, WriteTarget
     from lighting.geometry import Floats
-    from lighting.light_probe import LightProbe
-    from lighting.records import Lighting
+    from lighting.records import Lighting, LightProbe
 
-_HEAD_BYTES, _OWN_MARKS = (
-    1 << 16,
-    (b"outdoor-lighting", b"lighting.json"),
-)  # of a file, and what is in ours
+CLIP_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp")
+MAP_FILE_SUFFIXES = (".exr", ".hdr")  # of maps, and never of photos; systems have no program for them
+_HEAD_BYTES, _OWN_MARKS = 1 << 16, (b"outdoor-lighting", b"lighting.json")  # of a file, and what is in ours
 _RANDOM_BYTES = 8  # in a temporary name
 _HALF = re.compile("[\ud800-\udc7f\udd00-\udfff]")  # halves of surrogate pairs that stand for no byte of a name
 
@@ -222,6 +220,28 @@ def _write_map(
     entry.write(target, image, lighting, **packed, **headed)
 
 
+def read_envmap(file: str | os.PathLike[str]) -> "Image":
+    """The map (H, 2H, 3) in an EXR or HDR file; EnvironmentMapError, which names it, for what is no finite map.
+
+    Args:
+        file: path of the map.
+    """
+    import numpy as np
+
+    from lighting.files.exr import check_envmap, read_exr, read_map_bytes
+    from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
+
+    data = read_map_bytes(file)
+    try:
+        is_hdr = data.startswith(HDR_MAGIC) or os.fspath(file).lower().endswith(".hdr")
+        image = check_envmap(decode_hdr(data) if is_hdr else read_exr(io.BytesIO(data))[0])
+        if not np.isfinite(image).all():
+            raise EnvironmentMapError("The map holds values that are not finite numbers.")
+    except EnvironmentMapError as error:
+        raise EnvironmentMapError(f"{os.fspath(file)}: {error}") from error
+    return image
+
+
 def is_own_map(file: BinaryIO) -> bool:
     """Tell whether a map is of this program, by its header: no other is replaced or removed unasked.
 
@@ -262,6 +282,15 @@ def join_words(words: Sequence[str], link: str = "or") -> str:
         link: before the last one.
     """
     return f" {link} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def is_address(name: str) -> bool:
+    """Tell whether a file's name is an address in the web.
+
+    Args:
+        name: as the user typed it.
+    """
+    return name.lower().startswith(("http://", "https://", "ftp://"))
 
 
 # Files that appear whole, pictures in memory, and folders.

@@ -25,16 +25,16 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from lighting import __version__
 from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.files import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
 from lighting.runtime import available_cpus
+from lighting.version import __version__
 
 if TYPE_CHECKING:
-    from lighting.light_probe import LightProbe
+    from lighting.records import LightProbe
 
 Image = NDArray[np.float32]
 WriteTarget = str | os.PathLike[str] | BinaryIO
@@ -335,7 +335,7 @@ def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
     Raises:
         EnvironmentMapError: it is no such file, is cut short, or has over 64 million pixels or a gigabyte of channels.
     """
-    data = _read(source)
+    data = read_map_bytes(source)
     if not _is_whole(data):
         raise EnvironmentMapError("The EXR file is cut short or damaged.")
     _check_exr_size(data)
@@ -376,25 +376,6 @@ def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
     return pixels if matrix is None else np.asarray(pixels @ matrix.T)
 
 
-def read_envmap(file: str | os.PathLike[str]) -> Image:
-    """The map (H, 2H, 3) in an EXR or HDR file; EnvironmentMapError, which names it, for what is no finite map.
-
-    Args:
-        file: path of the map.
-    """
-    from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
-
-    data = _read(file)
-    try:
-        is_hdr = data.startswith(HDR_MAGIC) or os.fspath(file).lower().endswith(".hdr")
-        image = check_envmap(decode_hdr(data) if is_hdr else read_exr(io.BytesIO(data))[0])
-        if not np.isfinite(image).all():
-            raise EnvironmentMapError("The map holds values that are not finite numbers.")
-    except EnvironmentMapError as error:
-        raise EnvironmentMapError(f"{os.fspath(file)}: {error}") from error
-    return image
-
-
 def is_exr(file: Path) -> bool:
     """Whether a file begins as an OpenEXR image does.
 
@@ -413,7 +394,7 @@ def read_exr_attributes(source: WriteTarget) -> _Attributes:
     """
     if not isinstance(source, str | os.PathLike):
         try:
-            return dict(OpenEXR.File(io.BytesIO(_read(source)), header_only=True).header())
+            return dict(OpenEXR.File(io.BytesIO(read_map_bytes(source)), header_only=True).header())
         except (RuntimeError, ValueError, TypeError) as error:
             raise EnvironmentMapError(_UNREADABLE) from error
     try:
@@ -525,7 +506,12 @@ def _lighting_in(header: Mapping[str, Any]) -> Lighting | None:
         raise EnvironmentMapError("The EXR file's lighting.json cannot be read: it is not JSON.") from error
 
 
-def _read(source: WriteTarget) -> bytes:
+def read_map_bytes(source: WriteTarget) -> bytes:
+    """Return what an EXR's path or a binary stream holds; EnvironmentMapError where that cannot be read.
+
+    Args:
+        source: path or stream.
+    """
     if not isinstance(source, str | os.PathLike):
         read = getattr(source, "read", None)
         if not callable(read):

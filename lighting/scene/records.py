@@ -24,10 +24,10 @@ from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.fields import describe_fields
 from lighting.geometry import Floats, Pinhole
 from lighting.ground import find_sunny_ground, is_in_sun, max_object_meters, spot_warnings
-from lighting.light_probe import LightProbe, main_light, project_latlong
+from lighting.light_probe import main_light, project_latlong
 from lighting.photo.reader import Photo, check_photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
-from lighting.records import Lighting, check_lighting
+from lighting.records import Lighting, LightProbe, check_lighting
 from lighting.segmentation import Segments
 
 SUN_ANGLE = 2 * geometry.SUN_RADIUS  # deg

@@ -530,7 +530,7 @@ def _write_shot(
         return []
     options, view = job.options, job.options.view
     shot = replace(shot, view=None) if view.around == Around.PLAIN else shot
-    shot_map = _ShotMap(shot, views.read(shot, detail=view.around == Around.PLACE), view)
+    shot_map = _ShotMap(shot, views.read(shot, detail=view.around != Around.PHOTO), view)
     lights = list(frame_lights(shot, number, view.adjustments, view.sun, shot_map.compute_harmonics()))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
     shot_map.render_world().write(job.folder / _shot_map(number))

@@ -28,10 +28,10 @@ from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import Floats, angle_between, wrap_azimuth, zoomed_fov
-from lighting.light_probe import LightProbe, compute_light_probe, main_light, rotate_harmonics
+from lighting.light_probe import compute_light_probe, main_light, rotate_harmonics
 from lighting.map_options import Adjustments
 from lighting.model import Model
-from lighting.records import Lighting, record_with_coefficients
+from lighting.records import Lighting, LightProbe, record_with_coefficients
 from lighting.registration.rotations import (
     camera_up,
     consensus_up,

@@ -19,11 +19,20 @@ from lighting.fields import (
     format_sun_elevation,
     format_tilt,
 )
-from lighting.light_probe import LightProbe, MainLight
 from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop, PhotoOrigin
-from lighting.records import EstimatedLight, Light, Lighting, ModelSpec, Prediction, SunDistribution, SunEstimate
+from lighting.records import (
+    EstimatedLight,
+    Light,
+    Lighting,
+    LightProbe,
+    MainLight,
+    ModelSpec,
+    Prediction,
+    SunDistribution,
+    SunEstimate,
+)
 from lighting.scene.records import CameraMotion, Scene
 from tests.helpers.pages import ROOT
 

@@ -374,7 +374,8 @@ def test_a_compression_that_goes_with_no_such_format_is_named(client: TestClient
 
 
 def test_the_two_switches_of_former_days_say_what_is_around() -> None:
-    assert EnvmapQuery.model_validate({}).view().around == "place"
+    assert EnvmapQuery.model_validate({"detail": "true"}).view().around is None
+    assert EnvmapQuery.model_validate({"surroundings": "true"}).view().around == "place"
     assert EnvmapQuery.model_validate({"surroundings": "true", "detail": "false"}).view().around == "photo"
     assert EnvmapQuery.model_validate({"surroundings": "false", "detail": "true"}).view().around == "plain"
     for old in ({"detail": "maybe"}, {"detail": "true", "around": "photo"}):

@@ -36,7 +36,7 @@ def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_pat
             "sun": None,
             "yaw": 0.0,
             "sky": None,
-            "around": "place",
+            "around": None,
             "disc": True,
             "adjustments": {"sun": None, "exposure": 0.0, "haze": None, "overcast": False},
         },

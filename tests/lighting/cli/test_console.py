@@ -546,9 +546,7 @@ def test_a_record_with_its_photo_has_the_map_of_the_photo(lit_network: Path, pho
     assert alone.stderr == "Sky only: the place needs the photo (--photo PHOTO).\n"
     assert not np.array_equal(read_exr(tmp_path / "a.exr")[0], read_exr(tmp_path / "c.exr")[0])
     assert invoke_command("render", record, "-o", tmp_path / "d.exr", "--no-surroundings", *SMALL).stderr == ""
-    assert "need --photo." in error_of(
-        invoke_command("render", record, "-o", tmp_path / "e.exr", "--around", "photo"), 2
-    )
+    assert "need --photo." in error_of(invoke_command("render", record, "-o", tmp_path / "e.exr", "--surroundings"), 2)
 
 
 # Unsuitable photos

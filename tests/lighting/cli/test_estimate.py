@@ -263,7 +263,7 @@ def test_the_place_has_detail_unless_a_smooth_one_is_wanted(
 
 def test_the_place_can_be_asked_of_any_network(network: Path, photo_path: Path, tmp_path: Path) -> None:
     invoke_command(
-        "envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--around", "photo", "--model", network
+        "envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--surroundings", "--model", network
     )
     image, lighting = read_exr(tmp_path / "a.exr")
     assert lighting is not None

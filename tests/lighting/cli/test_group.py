@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 import pytest
 
-from lighting import __version__
 from lighting.cli import Command
+from lighting.version import __version__
 from tests.helpers.processes import invoke_command, list_commands, run_command, wait_for_state
 
 COMMANDS = ["estimate", "envmap", "render", "preview", "info"]

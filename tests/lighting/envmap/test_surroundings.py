@@ -236,9 +236,10 @@ def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(
 
 
 @pytest.mark.parametrize(
-    ("known", "around", "shows"), [(True, "place", True), (False, "place", False), (True, "plain", False)]
+    ("known", "around", "shows"),
+    [(True, None, True), (False, None, False), (False, "place", True), (True, "plain", False)],
 )
-def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, around: str, shows: bool) -> None:
+def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, around: str | None, shows: bool) -> None:
     answer = estimate(coarse_panorama(stated_light()) if known else None)
     assert (answer.context(around) is not None) == shows
     assert answer.context("photo") is not None

@@ -19,12 +19,11 @@ import OpenEXR
 import pytest
 from numpy.typing import NDArray
 
-from lighting import __version__
 from lighting.color import COLOR_SPACES
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.fields import RANGES
-from lighting.files import FileOptions, encode_envmap
+from lighting.files import FileOptions, encode_envmap, read_envmap
 from lighting.files.exr import (
     _MANTISSA_BITS,
     _SET_EFFORT,
@@ -32,7 +31,6 @@ from lighting.files.exr import (
     _floats_of_bits,
     _half_bits,
     _prepare_compression,
-    read_envmap,
     read_exr,
     read_exr_attributes,
     set_compression_threads,
@@ -40,6 +38,7 @@ from lighting.files.exr import (
 )
 from lighting.geometry import latlong_solid_angle
 from lighting.records import Lighting, record_with_coefficients
+from lighting.version import __version__
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=50.0)
 EXACT = ("none",)

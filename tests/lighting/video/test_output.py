@@ -25,11 +25,11 @@ from lighting.envmap.relighting import rotate_envmap
 from lighting.files import write_envmap
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import Pinhole, camera_axes, camera_directions, latlong_pixel
-from lighting.light_probe import LightProbe, compute_light_probe, main_light, project_latlong
+from lighting.light_probe import compute_light_probe, main_light, project_latlong
 from lighting.map_options import MapOptions
 from lighting.model import Model
 from lighting.preview.drawing import text_width
-from lighting.records import Lighting
+from lighting.records import Lighting, LightProbe
 from lighting.video import output
 from lighting.video.observation import estimate_frame
 from lighting.video.output import _draw_overlay, _fit_layout

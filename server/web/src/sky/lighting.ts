@@ -11,7 +11,10 @@ import {
   type Latlong,
   renderHosekWilkieSky,
   renderPragueSky,
+  type SceneLight,
 } from "./render";
+
+export type { SceneLight };
 
 /** What a record may state of its light; whatever it leaves out follows from the model. */
 interface StatedLight {
@@ -33,13 +36,6 @@ export interface SkyRequest {
 export interface SkyTables {
   hosekWilkie: HosekWilkieTable;
   prague: PragueTable;
-}
-
-export interface SceneLight {
-  map: Latlong; // the sky without the sun's disc above the ground
-  sky: Triple; // irradiance of level ground by the sky alone
-  sun: Triple; // irradiance of a plane that faces the sun; zero where it does not shine
-  ground: Triple; // radiance of the ground
 }
 
 const NEUTRAL: Triple = [1, 1, 1];

@@ -7,7 +7,6 @@ import type { LightParameters } from "../api";
 import { angleBetween, clamp, degrees, direction, radians } from "../geometry/angles";
 import { CHANNELS, linearToSrgb, rgbLuminance, type Triple } from "../geometry/color";
 import { toMap } from "../geometry/sphere";
-import type { SceneLight } from "./lighting";
 import { gradation, type HosekWilkieSky, lobe, type PragueSky, pragueRow } from "./models";
 
 /** Four floats a pixel: red, green, blue and one unused. */
@@ -15,6 +14,14 @@ export interface Latlong {
   width: number;
   height: number;
   data: Float32Array;
+}
+
+/** A light as a renderer needs it. */
+export interface SceneLight {
+  map: Latlong; // the sky without the sun's disc above the ground
+  sky: Triple; // irradiance of level ground by the sky alone
+  sun: Triple; // irradiance of a plane that faces the sun; zero where it does not shine
+  ground: Triple; // radiance of the ground
 }
 
 export const LIGHT_ROWS = 128; // of maps that light the object: finer ones take phones too long to prefilter

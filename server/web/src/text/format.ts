@@ -1,8 +1,8 @@
 /** Numbers and answers as text, as `lighting preview` writes them, and light in the words of people who set lights. */
 
-import type { Irradiances, Lighting, LightParameters } from "../api";
 import { radians, wrapAzimuth } from "../geometry/angles";
 import { rgbLuminance, type Triple } from "../geometry/color";
+import type { Irradiances, Lighting, LightParameters } from "../types";
 
 export interface NamedValue {
   name: string;

@@ -1,6 +1,6 @@
 /** What a photo's metadata and the user say, as text, as the form's values and as a query. */
 
-import type { Lighting, PhotoMetadata } from "../api";
+import type { Lighting, PhotoMetadata } from "../types";
 import { formatShort, type NamedValue } from "./format";
 
 /** What the user states of photos, in the names of the service; what is left out is left to the photo. */
