@@ -77,7 +77,7 @@ _DJI_COLORS = re.compile(r"\bcolor_md\s*:\s*([^\]\[\n]{1,40})")
 _CURVE_TAG = re.compile(r"(?i)gamma|curve|transfer|colou?r|profile|_log")  # in the names of tags that may name one
 _XML_CURVE = re.compile(r'Gamma\w*"\s+value="([^"]{1,40})"|<(?:\w+:)?\w*Gamma\w*(?:\s[^>]*)?>([^<]{1,40})<')
 _UNDONE = "The clip is in {}, by {}: its curve was undone."
-_NOT_UNDONE = "The clip is in {}, by {}, and its curve is not known here: light and colors are off. Give a graded clip."
+_NOT_UNDONE = "The clip is in {}, by {}, whose curve is unknown: colors are off."
 LOOKS_LOGARITHMIC = CodedWarning(
     "The clip looks as if it were in a camera's logarithm: if it is, give its curve, for light and colors are off.",
     WarningCode.CURVE,

@@ -702,3 +702,18 @@ def test_packing_in_the_image_s_memory_changes_nothing(gain: float) -> None:
     write_exr(kept := io.BytesIO(), image)
     write_exr(packed := io.BytesIO(), image, overwrite=True)
     assert packed.getvalue() == kept.getvalue()
+
+
+def test_views_of_an_array_are_written_as_they_read(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
+    """OpenEXR takes an array's memory as it lies."""
+    alpha = np.concatenate([rounded_map, np.ones_like(rounded_map[..., :1])], axis=2)
+    views = {
+        "channels": alpha[..., :3],
+        "reversed": np.ascontiguousarray(rounded_map[..., ::-1])[..., ::-1],
+        "planes": np.ascontiguousarray(rounded_map.transpose(2, 0, 1)).transpose(1, 2, 0),
+        "mirrored": np.ascontiguousarray(rounded_map[:, ::-1])[:, ::-1],
+    }
+    for name, view in views.items():
+        assert not view.flags["C_CONTIGUOUS"]
+        write_exr(tmp_path / f"{name}.exr", view, compression="none")
+        np.testing.assert_array_equal(read_exr(tmp_path / f"{name}.exr")[0], rounded_map)

@@ -37,7 +37,7 @@ from lighting.photo.reader import (
     read_photo,
 )
 from tests.conftest import encode, scene
-from tests.helpers.photos import png
+from tests.helpers.photos import packet, png
 
 PIXELS = np.asarray(scene(160, 120))
 
@@ -643,3 +643,20 @@ def test_a_fault_of_ours_is_no_damaged_photo(name: str, monkeypatch: pytest.Monk
     monkeypatch.setattr(f"lighting.photo.reader.{name}", fault)
     with pytest.raises(NameError):
         read_photo(encode(scene(64, 48)))
+
+
+GAIN_XMP = packet("http://ns.adobe.com/hdr-gain-map/1.0/", {"Version": "1.0", "GainMapMax": "2.0"})
+GAIN_ISO = b"urn:iso:std:iso:ts:21496:-1\0" + bytes(4)  # of a base: versions of the map's parameters
+
+
+@pytest.mark.parametrize("kind", ["xmp", "iso", "both"])
+def test_a_gain_map_changes_nothing_of_the_base(kind: str) -> None:
+    """Ultra HDR, by XMP, by ISO 21496-1, or both."""
+    base = encode(scene(320, 240))
+    marked = encode(scene(320, 240), xmp=GAIN_XMP) if kind != "iso" else base
+    if kind != "xmp":
+        marked = marked[:2] + b"\xff\xe2" + (len(GAIN_ISO) + 2).to_bytes(2, "big") + GAIN_ISO + marked[2:]
+    gain = encode(np.full((60, 80), 200, np.uint8), **({"xmp": GAIN_XMP} if kind != "iso" else {}))
+    photo = read_photo(marked + gain)
+    assert (photo.width, photo.height, photo.warnings) == (320, 240, ())
+    np.testing.assert_array_equal(photo.pixels, read_photo(base).pixels)
