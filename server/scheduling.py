@@ -134,7 +134,7 @@ class WorkLimiter:
             none does.
         charge: is told the processor time [s] of each request's client after its work; None tells nobody.
         clock: seconds.
-        short: routes that are short before one has been measured.
+        short: routes that are never long.
     """
 
     def __init__(
@@ -156,7 +156,8 @@ class WorkLimiter:
         self._jobs: set[_Job] = set()  # that run or wait
         self._waiting: list[_Job] = []
         self._running: list[_Job] = []
-        self._expected = dict.fromkeys(short, LONG_SECONDS)  # processor time [s] by route
+        self._short = tuple(short)
+        self._expected = dict.fromkeys(self._short, LONG_SECONDS)  # processor time [s] by route
         self._long_from = clock()  # the time from which a long request may begin while short ones wait
         self._last: dict[Client, float] = {}  # when a client's work last began or ended, if that is recent
         self._threads = CapacityLimiter(workers)
@@ -354,7 +355,8 @@ class WorkLimiter:
         return [job for job in self._waiting if self._is_long(job)]
 
     def _is_long(self, job: _Job) -> bool:
-        return self._expect(job.route) > LONG_SECONDS
+        """Whether a request takes longer than LONG_SECONDS, or on a slow machine than those that are to be short."""
+        return self._expect(job.route) > max([LONG_SECONDS, *map(self._expect, self._short)])
 
     def _pause_long_jobs(self, job: _Job, began: float, seconds: float) -> None:
         """Set when the next long request may begin while short ones wait.

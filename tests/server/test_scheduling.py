@@ -325,6 +325,21 @@ def test_a_client_alone_leaves_a_thread_to_short_work() -> None:
     assert runs.began[-1] == "long 1"
 
 
+def test_photos_are_never_long_on_a_slow_machine() -> None:
+    runs = Runs(WorkLimiter(2, 9, short=["short"]))
+
+    async def scenario(start: Any) -> None:
+        for number in range(2):  # the first one teaches what the second one takes
+            await start(f"slow {number}", GREEDY, route="short", seconds=0.3)
+            runs.gates[f"slow {number}"].set()
+            await until(partial(runs.ended.get, f"slow {number}"))
+        for number in range(2):
+            await start(f"photo {number}", GREEDY, route="short")
+        assert runs.began[-2:] == ["photo 0", "photo 1"]
+
+    run_scenario(runs, scenario)
+
+
 def test_processor_time_counts_half_after_a_while() -> None:
     now = [0.0]
     usage = _CpuUsage(lambda: now[0])
