@@ -23,9 +23,14 @@ Json = dict[str, Any]  # of scene.json
 
 LIT_BY_THE_SUN = "Lit by the Sun"  # what its collection is called where it excludes the object
 MULTIPLE_SCATTERING = "MULTIPLE_SCATTERING"  # Blender's type of sky, from 5.0
-SCATTERED_ELEVATIONS = (2.0, 10.0, 25.0, 45.0, 70.0, 90.0)  # deg, of the sun: the rows of SCATTERED_LUMINANCE
+SCATTERED_ELEVATIONS = (  # deg, of the sun: the rows of SCATTERED_LUMINANCE
+    *(-4.2, -3.5, -2.7, -2.0, -1.0, 0.0, 1.0),
+    *(2.0, 10.0, 25.0, 45.0, 70.0, 90.0),
+)
 SCATTERED_AEROSOLS = (0.0, 1.0, 3.0)  # densities: its columns
 SCATTERED_LUMINANCE = (
+    *((0.0786, 0.0795, 0.0857), (0.135, 0.132, 0.137), (0.256, 0.247, 0.247), (0.432, 0.413, 0.404)),
+    *((0.825, 0.790, 0.755), (1.36, 1.33, 1.28), (1.98, 1.98, 1.94)),
     *((2.65, 2.71, 2.73), (6.45, 7.23, 8.42), (9.22, 10.82, 13.67)),
     *((11.16, 13.26, 17.16), (12.57, 14.97, 19.50), (12.93, 15.50, 20.35)),
 )
@@ -212,7 +217,9 @@ def aim_native_sky(sky: Any, numbers: Json) -> None:
 
 
 def _scattered_luminance(elevation: float, aerosols: float) -> float:
-    """Luminance of the irradiance on level ground under Multiple Scattering of strength 1, measured in Blender 5.2.
+    """Luminance of the irradiance on level ground under Multiple Scattering of strength 1.
+
+    Measured in Blender 5.2, for suns under 2 deg in 5.0.1.
 
     Args:
         elevation: of the sun, deg.

@@ -159,6 +159,20 @@ def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(folder: Path
     assert lit == ["('Lit by the Sun', ['Ground'])", "None"]
 
 
+@pytest.mark.slow
+@needs_blender
+def test_blender_s_own_sky_is_as_bright_as_the_map(folder: Path) -> None:
+    """Also under suns between the rows of its table, and below the horizon."""
+    script = Path(__file__).parents[2] / "blender" / "native_sky.py"
+    (folder / script.name).write_text(script.read_text())
+    done = subprocess.run(
+        [PYTHON, script.name, "-4", "-1.5", "0.5", "30"], cwd=folder, capture_output=True, text=True, check=True
+    )
+    stops = [float(line.rpartition(": ")[2]) for line in done.stdout.splitlines() if line.startswith("sun ")]
+    assert len(stops) == 8
+    assert np.abs(stops).max() < 0.15
+
+
 LOOK = """
 import bpy, json, os
 scene = bpy.context.scene
