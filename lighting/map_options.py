@@ -6,7 +6,7 @@ say what it means, in which unit and range. Nothing here needs numpy: the comman
 
 import reprlib
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from numbers import Integral
 from typing import Any, Self, TypedDict
@@ -36,7 +36,7 @@ class OptionText:
     """What people read of an option."""
 
     help: str | Callable[[], str]
-    """A phrase without a full stop, or what makes it of a registry as it is."""
+    """A phrase without a full stop; in a field also what makes it of a registry as it is."""
     unit: str = ""
     """As the command line's help names a value."""
     range: tuple[float, float] | None = None
@@ -45,11 +45,6 @@ class OptionText:
     """Such a number."""
     choices: Callable[[], Collection[str]] | None = None
     """The names that it takes, as their registry has them now."""
-
-    @property
-    def phrase(self) -> str:
-        """The help as it is now."""
-        return self.help if isinstance(self.help, str) else self.help()
 
 
 def option(default: Any, text: OptionText) -> Any:
@@ -63,12 +58,14 @@ def option(default: Any, text: OptionText) -> Any:
 
 
 def option_texts(record: type) -> dict[str, OptionText]:
-    """Return what people read of the options that a record has, by name.
+    """Return what people read of the options that a record has, by name; phrases are of registries as they are now.
 
     Args:
         record: a dataclass.
     """
-    return {f.name: f.metadata["text"] for f in fields(record) if "text" in f.metadata}
+    texts: dict[str, OptionText] = {f.name: f.metadata["text"] for f in fields(record) if "text" in f.metadata}
+    made = {name: replace(text, help=text.help()) for name, text in texts.items() if not isinstance(text.help, str)}
+    return texts | made
 
 
 def check_option(name: str, value: object, text: OptionText) -> None:

@@ -139,7 +139,7 @@ def option_parameter(text: OptionText, default: object) -> tuple[Any, Any]:
         text: what people read of the option.
         default: its value unless stated.
     """
-    field: Any = Field(default, description=text.phrase)
+    field: Any = Field(default, description=str(text.help))
     if text.choices is not None:
         kind: Any = Annotated[str, RegistryName(text.choices)]
         return (Annotated[kind | None, NotNull()] if default is None else kind), field
@@ -147,9 +147,9 @@ def option_parameter(text: OptionText, default: object) -> tuple[Any, Any]:
         return Flag, field
     low, high = text.range
     if isinstance(default, int) and not isinstance(default, bool):
-        limited = InRange(low, min(high, MAX_SERVED_HEIGHT), multipleOf=2, description=text.phrase)
+        limited = InRange(low, min(high, MAX_SERVED_HEIGHT), multipleOf=2, description=str(text.help))
         return Annotated[int, limited, AfterValidator(_check_even)], default
-    limited = InRange(low, high, description=text.phrase, examples=[text.example])
+    limited = InRange(low, high, description=str(text.help), examples=[text.example])
     return (Annotated[float | None, limited] if default is None else Annotated[float, limited]), default
 
 

@@ -244,7 +244,8 @@ def _text_option(name: str, text: OptionText, default: object) -> Decorator:
 
 
 def _sentence(text: OptionText) -> str:
-    return f"{text.phrase[0].upper()}{text.phrase[1:]}."
+    phrase = str(text.help)
+    return f"{phrase[0].upper()}{phrase[1:]}."
 
 
 def _checked_height(_ctx: click.Context, _param: click.Parameter, height: int) -> int:
