@@ -135,8 +135,8 @@ def _abort(*_: object) -> None:
 def exit_now(status: int) -> None:
     """End the process without taking its objects apart; what waits for its end is called, and streams are flushed.
 
-    It returns where somebody watches the program (a profiler or a debugger), or where a stream cannot be written, and
-    leaves the end to Python.
+    It returns where somebody watches the program (a profiler or a debugger), or where a stream cannot be written and
+    nothing has failed before, and leaves the end to Python.
 
     Args:
         status: exit status.
@@ -144,11 +144,12 @@ def exit_now(status: int) -> None:
     if sys.gettrace() or sys.getprofile():
         return
     atexit._run_exitfuncs()
-    try:
-        for stream in filter(None, (sys.stdout, sys.stderr)):
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        try:
             stream.flush()
-    except (OSError, ValueError):
-        return
+        except (OSError, ValueError):
+            if status == 0:
+                return
     os._exit(status)
 
 

@@ -235,7 +235,7 @@ def _record_section(record: Any) -> list[str]:
 def _type(content: Any) -> str:
     """A field's type as a reader writes it."""
     text = content.__name__ if isinstance(content, type) and "[" not in str(content) else str(content).strip("\"'")
-    return _ARRAY.sub(r"NDArray[\1]", text)
+    return _ARRAY.sub(r"NDArray[\1]", text).replace("NDArray[numpy.", "NDArray[")
 
 
 def write_page(name: str) -> str:

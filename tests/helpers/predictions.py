@@ -1,6 +1,6 @@
 """Metadata of a photo, and predictions of the network on a small and on a fine grid."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime, timedelta
 from itertools import product
 from typing import Any
@@ -100,3 +100,8 @@ def without_probe(record: dict[str, Any]) -> dict[str, Any]:
     """A JSON record, which must have a light probe, without it."""
     assert len(record["light_probe"]["coefficients"]) == 9
     return {name: value for name, value in record.items() if name != "light_probe"}
+
+
+def are_equal(one: Prediction, other: Prediction) -> bool:
+    """Whether two predictions are the same, their arrays too, which `==` of Python 3.13 does not take."""
+    return all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(Prediction))
