@@ -42,6 +42,7 @@ _RECORDS: tuple[Any, ...] = (
     *(Photo, PhotoCrop, PhotoMetadata, LightProbe, MainLight, Scene),
 )
 _ARRAY = re.compile(r"numpy\.ndarray\[.*?numpy\.dtype\[numpy\.(\w+)(?:\[typing\.Any\])?\]\]")  # any numpy's name of one
+_NAMED_ARRAY = re.compile(r"NDArray\[numpy\.(\w+)(?:\[typing\.Any\])?\]")  # as NumPy 2.5 has it
 _RANGE = re.compile(r"\bx[<>]|[<>]=?x\b")  # as click writes one
 _BOUNDS = ((Ge, "ge", "at least"), (Gt, "gt", "over"), (Le, "le", "at most"))
 _WIDTH = 10_000  # columns: nothing is wrapped
@@ -235,7 +236,7 @@ def _record_section(record: Any) -> list[str]:
 def _type(content: Any) -> str:
     """A field's type as a reader writes it."""
     text = content.__name__ if isinstance(content, type) and "[" not in str(content) else str(content).strip("\"'")
-    return _ARRAY.sub(r"NDArray[\1]", text).replace("NDArray[numpy.", "NDArray[")
+    return _NAMED_ARRAY.sub(r"NDArray[\1]", _ARRAY.sub(r"NDArray[\1]", text))
 
 
 def write_page(name: str) -> str:

@@ -14,10 +14,10 @@ from scripts.markdown import WRITTEN, escape_marks, write_table
 _SECTION = re.compile(r"^(Args|Returns|Raises|References):$", re.MULTILINE)
 _ENTRY = re.compile(r"^ {4}(\S[^:]*): ", re.MULTILINE)
 _PLAIN_TYPES = (  # how a reader writes what annotations spell out
-    (re.compile(r"\*<class '([\w.]+)'>"), r"Unpack[\1]"),  # as Python 3.13 has it
+    (re.compile(r"\*<class '([\w.]+)'>"), r"Unpack[\1]"),  # as Python 3.11 has it
     (re.compile(r"\bForwardRef\('([^']+)'\)"), r"\1"),
     (re.compile(r"\bnumpy\.ndarray\[.*?dtype\[numpy\.(\w+)(?:\[[\w.]+\])?\]\]"), r"NDArray[\1]"),
-    (re.compile(r"\b(?:numpy\.typing\.)?NDArray\[(?:numpy|np)\.(\w+)\]"), r"NDArray[\1]"),
+    (re.compile(r"\b(?:numpy\.typing\.)?NDArray\[(?:numpy|np)\.(\w+)(?:\[(?:typing\.)?Any\])?\]"), r"NDArray[\1]"),
     (re.compile(r"\b(?:[a-z_]+\.)+(?=[A-Z])"), ""),
     (re.compile(r"\bImage\.Image\b"), "Image"),
     (re.compile(r"['\"]"), ""),
