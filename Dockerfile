@@ -20,8 +20,7 @@ COPY CHANGELOG.md README.md SECURITY.md LICENSE NOTICE ./
 COPY docs/ docs/
 COPY lighting/ lighting/
 COPY server/ server/
-RUN /opt/uv/bin/uv sync --locked --no-editable --inexact
-RUN /opt/venv/bin/lighting doctor --quiet
+RUN /opt/uv/bin/uv sync --locked --no-editable --inexact && /opt/venv/bin/lighting doctor --quiet
 
 FROM python:3.11.16-slim-bookworm@sha256:a36c24f9cbdf4fd0f52d67f0823eeac19c2028c637cecc392d97f980d4fec56b
 ARG VERSION=unknown

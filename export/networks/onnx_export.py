@@ -487,10 +487,8 @@ def write_onnx(
 
     Raises:
         DataError: if the runs' networks expect different photos, or the branch does not fit the first of them.
-        ModelError: if the answers differ from torch's by more than _TOLERANCE, or by more than ROUNDED_TOLERANCE once
-            the weights are stored in half precision; with products of whole numbers, by more than _WHOLE_TOLERANCE.
-
-    References: [1] Guo et al., On calibration of modern neural networks, ICML 2017.
+        ModelError: the answers differ from torch's by more than _TOLERANCE; with weights in half precision by more than
+            ROUNDED_TOLERANCE, with products of whole numbers by more than _WHOLE_TOLERANCE.
     """
     if have_different_specs([*folders, *suns, *cameras]):
         raise DataError("The runs' networks expect different photos, so they cannot answer together.")

@@ -355,8 +355,9 @@ def _colors(parts: list[tuple[_Attributes, _Attributes]]) -> tuple[_Attributes, 
             layers.setdefault(label, (header, {}))[1][last.upper()] = channel.pixels
     colored = {label: layer for label, layer in layers.items() if set("RGB") <= layer[1].keys()}
     if not colored:
-        first = parts[0][1] if parts else {}  # a damaged file may have no part that can be read
-        missing = [name for name in "RGB" if name not in first]
+        if not parts or not parts[0][1]:  # pixels are damaged, so OpenEXR keeps no channel of them
+            raise EnvironmentMapError(_UNREADABLE)
+        missing = [name for name in "RGB" if name not in parts[0][1]]
         raise EnvironmentMapError(f"The EXR file has no channel {', '.join(missing)}; it needs R, G and B.")
     whole = [label for label in colored if label.rpartition(".")[2].lower() in _WHOLE_PICTURES]
     chosen = whole if len(whole) == 1 else list(colored)

@@ -396,9 +396,8 @@ def test_colors_on_one_line_of_a_palette_are_false(name: str) -> None:
     found = 0
     for photo in EXAMPLES:
         gray = cv2.resize(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), (320, 240), interpolation=cv2.INTER_AREA)
-        gray = cv2.resize(
-            cv2.normalize(gray, None, 0, 255, cv2.NORM_MINMAX), (640, 480)
-        )  # few thermal pixels, enlarged
+        gray = cv2.normalize(gray, np.empty_like(gray), 0, 255, cv2.NORM_MINMAX)
+        gray = cv2.resize(gray, (640, 480))  # few thermal pixels, enlarged
         shown = cv2.applyColorMap(gray, getattr(cv2, f"COLORMAP_{name}"))
         found += is_false_color(read_photo(encode(np.ascontiguousarray(shown[..., ::-1]))).pixels)
     assert found >= len(EXAMPLES) - 1

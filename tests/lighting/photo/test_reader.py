@@ -656,7 +656,8 @@ def test_a_gain_map_changes_nothing_of_the_base(kind: str) -> None:
     marked = encode(scene(320, 240), xmp=GAIN_XMP) if kind != "iso" else base
     if kind != "xmp":
         marked = marked[:2] + b"\xff\xe2" + (len(GAIN_ISO) + 2).to_bytes(2, "big") + GAIN_ISO + marked[2:]
-    gain = encode(np.full((60, 80), 200, np.uint8), **({"xmp": GAIN_XMP} if kind != "iso" else {}))
+    plain = np.full((60, 80), 200, np.uint8)
+    gain = encode(plain, xmp=GAIN_XMP) if kind != "iso" else encode(plain)
     photo = read_photo(marked + gain)
     assert (photo.width, photo.height, photo.warnings) == (320, 240, ())
     np.testing.assert_array_equal(photo.pixels, read_photo(base).pixels)
