@@ -27,7 +27,7 @@ OTHER_PHOTOS = "other photos"
 
 _ROLLOVER = timedelta(weeks=1024)  # after which GPS receivers count their weeks from 0 again
 _FIRST_YEAR_OF_ZONES = 1970  # before which zone files, as some are built, give a country another one's clocks
-_OLD_ZONE = "Zone files differ before 1970: {} was used; state the offset from UTC."
+_OLD_ZONE = "Zone files differ before 1970: if {} is wrong, state the offset from UTC."
 _NO_FIX = "The GPS time is of a receiver without a fix"
 _NEAR = timedelta(hours=26)  # within which a clock and GPS lie whose zone is unknown
 _MONTH = timedelta(days=30)

@@ -426,7 +426,7 @@ def test_a_scene_and_a_preview_are_adjusted_too(client: TestClient) -> None:
 @pytest.mark.parametrize(
     ("query", "field", "words"),
     [
-        ({"sun": "40"}, "sun", "true or false"),
+        ({"sun": "40"}, "sun", "true, false, or AZIMUTH,ELEVATION"),
         ({"sun": "40,95"}, "sun", "elevation is 95"),
         ({"sun": "north,25"}, "sun", "such as 40,25"),
         ({"exposure": "21"}, "exposure", "from -20 to 20"),
