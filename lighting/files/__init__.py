@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 CLIP_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp")
 MAP_FILE_SUFFIXES = (".exr", ".hdr")  # of maps, and never of photos; systems have no program for them
-_HEAD_BYTES, _OWN_MARKS = 1 << 16, (b"outdoor-lighting", b"lighting.json")  # of a file, and what is in ours
+_HEAD_BYTES = 1 << 16  # of a file
+_EXR_MAGIC, _RECORD_MARK, _PROGRAM_MARK = b"\x76\x2f\x31\x01", b"lighting.json", b"outdoor-lighting"
 _RANDOM_BYTES = 8  # in a temporary name
 _HALF = re.compile("[\ud800-\udc7f\udd00-\udfff]")  # halves of surrogate pairs that stand for no byte of a name
 
@@ -245,12 +246,14 @@ def read_envmap(file: str | os.PathLike[str]) -> "Image":
 def is_own_map(file: BinaryIO) -> bool:
     """Tell whether a map is of this program, by its header: no other is replaced or removed unasked.
 
+    An EXR must hold a record of its light; other files hold none, and name the program.
+
     Args:
         file: open to read; it is closed.
     """
     with file:
         head = file.read(_HEAD_BYTES)
-    return any(mark in head for mark in _OWN_MARKS)
+    return (_RECORD_MARK if head.startswith(_EXR_MAGIC) else _PROGRAM_MARK) in head
 
 
 def check_map_name(path: str | os.PathLike[str]) -> str:
