@@ -179,9 +179,7 @@ def test_a_zone_before_1970_is_doubted(year: int, warns: bool) -> None:
         found = resolve_instants(metadata, user_input)
         hours = found.instants[0].utc_offset
         assert hours in (1.0, 2.0)
-        sentence = (
-            f"Zone files differ before 1970: +{hours:02.0f}:00 was used; state the offset from UTC if it was another."
-        )
+        sentence = f"Zone files differ before 1970: if +{hours:02.0f}:00 is wrong, state the offset from UTC."
         assert found.warnings == ((sentence,) if warns else ())
     assert resolve_instants(taken, UserInput(utc_offset=2.0)).warnings == ()
     assert resolve_instants(replace(taken, utc_offset=2.0), NO_USER_INPUT).warnings == ()
