@@ -29,6 +29,8 @@ import ctypes, encodings.idna, fcntl, os, resource, signal, socket, struct, sys,
 import lighting.confinement as confinement
 target, numbers = {target}, {numbers}
 library = ctypes.CDLL(None, use_errno=True)
+if hasattr(library, "gnu_get_libc_version"):
+    ctypes.CDLL("libgcc_s.so.1")  # which glibc loads when a thread of C ends
 def call(name, *arguments):
     if library.syscall(numbers[name], *arguments) < 0:
         raise OSError(ctypes.get_errno(), name)
