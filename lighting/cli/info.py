@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lighting.checksum import verify_checksums
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import (
@@ -219,6 +218,8 @@ def _doctor(ctx: click.Context, /, as_json: bool, quiet: bool) -> None:
 
 
 def _findings() -> Iterator[_Finding]:
+    from lighting.checksum import verify_checksums
+
     system = f"{platform.system()} {platform.machine()}, {Path(sys.prefix)}"
     yield _Finding("lighting", True, f"{__version__}, Python {platform.python_version()}, {system}", needed=True)
     yield _Finding("libraries", True, ", ".join(f"{name} {_version(name)}" for name in _LIBRARIES))
