@@ -83,7 +83,7 @@ class UserInputQuery(Query):
     shadow: str = Field(
         "",
         description="shadows of the upright photo, in pixels, from foot to tip, separated by `;`",
-        examples=["310,820,455,790;own:300,900"],
+        examples=["lit:20,20,44,20"],
     )
     keep_location: types.Flag = Field(False, description="put latitude and longitude into the answer")
 

@@ -150,7 +150,7 @@ def test_a_client_by_openapi_python_client_gets_the_five_scenes(
     service = made.Client(base_url="http://service", httpx_args=arguments, raise_on_unexpected_status=False)
 
     async def ask_all() -> dict[str, int]:
-        kind = next(getattr(tools, name) for name in dir(tools) if name.endswith("For"))
+        kind = next(getattr(tools, name) for name in dir(tools) if name.endswith("SceneFor"))
         sky = {"sun_azimuth": -41.2, "sun_elevation": 33.0, "turbidity": 3.4}
         found = {}
         for tool in EXPORTERS:
