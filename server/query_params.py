@@ -81,9 +81,7 @@ class UserInputQuery(Query):
         float | None, parameter_range("camera_height", "m, of the camera above the ground; by default 1.6", 1.6)
     ] = None
     shadow: str = Field(
-        "",
-        description="shadows of the upright photo, in pixels, from foot to tip, separated by `;`",
-        examples=["lit:20,20,44,20"],
+        "", description="of one photo: its shadows in pixels, FOOT_X,FOOT_Y,TIP_X,TIP_Y, separated by `;`"
     )
     keep_location: types.Flag = Field(False, description="put latitude and longitude into the answer")
 
