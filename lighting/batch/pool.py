@@ -148,9 +148,10 @@ def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOutput) -> str
             return FOREIGN_MAP
         assert answer.rendered is not None
         answer.rendered.write(path, maps.file, consume=True)
-    except EnvironmentMapError as error:
-        if isinstance(error.__cause__, OSError) and error.__cause__.errno in MAP_NAME_ERRORS:
-            return MAP_NAME_ERRORS[error.__cause__.errno]
+    except (EnvironmentMapError, OSError) as error:
+        cause = error if isinstance(error, OSError) else error.__cause__
+        if isinstance(cause, OSError) and cause.errno in MAP_NAME_ERRORS:
+            return MAP_NAME_ERRORS[cause.errno]
         raise
     return None
 

@@ -41,7 +41,7 @@ _SECTIONS = {  # of a long help, in this order, as are the options in each; othe
     "Output": ("-o", "--preview", "--height", "--overwrite", "--json", "-q", "--strict", "-h"),
     "Light": ("--sun", "--exposure", "--haze", "--overcast", "--no-sun"),
     "Place": ("--time", "--utc-offset", "--latitude", "--longitude", "--heading", "--keep-location"),
-    "Photo": ("--vertical-fov", "--camera-height", "--no-metadata", "--model"),
+    "Photo": ("--shadow", "--vertical-fov", "--camera-height", "--no-metadata", "--model"),
     "Map": ("--around", "--sky", "--yaw", "--disc", "--compression", "--colors"),
 }
 _LONG = 24  # options, from which on a help has sections

@@ -1,5 +1,6 @@
 """The commands that describe a file, and that say what of an installation works."""
 
+import csv
 import hashlib
 import json
 import platform
@@ -11,7 +12,7 @@ from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from datetime import datetime
-from importlib.metadata import PackageNotFoundError, PackagePath, distribution, packages_distributions, version
+from importlib.metadata import PackageNotFoundError, distribution, packages_distributions, version
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
@@ -248,13 +249,16 @@ def _version(distribution: str) -> str:
 def _find_changed_files() -> Iterator[_Finding]:
     """Whether the package's files are those that were installed, where pip or its like listed them; not of a clone."""
     try:
-        listed = [file for file in distribution(_PACKAGE).files or () if file.hash and file.suffix != ".pyc"]
+        installed = distribution(_PACKAGE)
     except PackageNotFoundError:
         return
+    # Not `files`, which leaves out what is missing from Python 3.12 on.
+    rows = csv.reader((installed.read_text("RECORD") or "").splitlines())
+    listed = {name: digest for name, digest, _ in rows if digest and not name.endswith(".pyc")}
     package = Path(__file__).parents[1]
-    if not any(Path(str(file.locate())) == package / "__init__.py" for file in listed):
+    if not any(Path(str(installed.locate_file(name))) == package / "__init__.py" for name in listed):
         return
-    changed = [file for file in listed if not _is_as_installed(file)]
+    changed = [n for n, digest in listed.items() if not _is_as_installed(Path(str(installed.locate_file(n))), digest)]
     if changed:
         names = ", ".join(map(str, changed[:3])) + (f" and {len(changed) - 3} more" if len(changed) > 3 else "")
         yield _Finding("files", False, f"{names} changed since the installation; install it again", needed=True)
@@ -262,12 +266,14 @@ def _find_changed_files() -> Iterator[_Finding]:
         yield _Finding("files", True, f"{len(listed)} are as they were installed")
 
 
-def _is_as_installed(file: PackagePath) -> bool:
+def _is_as_installed(file: Path, listed: str) -> bool:
+    """Whether a file has the digest of a wheel's RECORD, such as sha256=..."""
+    mode, _, value = listed.partition("=")
     try:
-        digest = hashlib.new(file.hash.mode, file.read_binary()).digest() if file.hash else b""
+        digest = hashlib.new(mode, file.read_bytes()).digest()
     except OSError:
         return False
-    return file.hash is not None and urlsafe_b64encode(digest).rstrip(b"=").decode() == file.hash.value
+    return urlsafe_b64encode(digest).rstrip(b"=").decode() == value
 
 
 def _check(name: str, describe: Callable[[], str]) -> _Finding:

@@ -138,7 +138,7 @@ def test_an_input_that_does_not_match_the_spec_is_refused(tmp_path: Path) -> Non
 
 
 def test_exactly_one_network_is_packaged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, network: Path) -> None:
-    monkeypatch.setattr(model_module, "__file__", str(tmp_path / "model.py"))
+    monkeypatch.setattr(model_module, "DATA_FOLDER", tmp_path / "data")
     with pytest.raises(ModelError, match="it holds 0"):
         packaged_model()
     (tmp_path / "data").mkdir()

@@ -243,7 +243,11 @@ def test_a_journal_without_settings_is_refused(photos: Path, tmp_path: Path, net
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "words"), [("batch.json", "no batch wrote"), ("lighting.parquet", "but no batch.json")]
+    ("name", "words"),
+    [
+        ("batch.json", "no batch wrote"),
+        pytest.param("lighting.parquet", "but no batch.json", marks=pytest.mark.needs("pyarrow")),
+    ],
 )
 def test_files_of_the_user_s_are_not_replaced_unasked(
     photos: Path, tmp_path: Path, network: Path, name: str, words: str
