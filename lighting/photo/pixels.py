@@ -604,4 +604,10 @@ def _palette_residual(position: Floats, colors: Floats) -> float:
     """How far colors (N, 3), in parts by their position (N,) on a palette, lie from the middle one of their part."""
     size = len(position) // _PALETTE_PARTS
     parts = colors[np.argsort(position)[: size * _PALETTE_PARTS]].reshape(_PALETTE_PARTS, size, 3)
-    return float(np.median(np.linalg.norm(parts - np.median(parts, axis=1, keepdims=True), axis=2), axis=1).mean())
+    return float(_middle(np.linalg.norm(parts - _middle(parts)[:, None], axis=2)).mean())
+
+
+def _middle(values: Floats) -> Floats:
+    """The median along axis 1, for which NumPy's own function would import masked arrays."""
+    ordered, size = np.sort(values, axis=1), values.shape[1]
+    return np.asarray((ordered[:, (size - 1) // 2] + ordered[:, size // 2]) / 2)
