@@ -589,8 +589,9 @@ def is_false_color(pixels: Pixels) -> bool:
     height, width = (side // step for side in pixels.shape[:2])
     if height * width < 4 * _PALETTE_PARTS:
         return False
-    blocks = pixels[: height * step, : width * step].reshape(height, step, width, step, 3)
-    red, green, blue = np.moveaxis(blocks.mean(axis=(1, 3)).reshape(-1, 3), 1, 0)
+    rows = pixels[: height * step, : width * step].reshape(height, step, -1).sum(axis=1, dtype=np.uint32)
+    blocks = rows.reshape(height, width, step, 3).sum(axis=2) / step**2
+    red, green, blue = np.moveaxis(blocks.reshape(-1, 3), 1, 0)
     gray, colors = 0.3 * red + 0.6 * green + 0.1 * blue, np.stack([red - green, 0.5 * (red + green) - blue], axis=1)
     spread = float(np.hypot(*colors.std(axis=0)))
     if spread < _MIN_PALETTE_SPREAD:
