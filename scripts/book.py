@@ -21,28 +21,32 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "docs/learn/web-page.md": 600,
     "docs/learn/python.md": 500,
     "docs/learn/train.md": 500,
-    "docs/do/correct-the-sun.md": 350,
+    "docs/do/correct-the-sun.md": 500,
     "docs/do/engines.md": 600,
-    "docs/do/other-programs.md": 350,
+    "docs/do/other-programs.md": 400,
     "docs/do/blender-extension.md": 250,
     "docs/do/many-photos.md": 250,
     "docs/do/several-photos.md": 350,
-    "docs/do/clips.md": 350,
+    "docs/do/clips.md": 460,
     "docs/do/measure-a-sky.md": 300,
     "docs/do/photometric-stereo.md": 400,
-    "docs/do/run-the-service.md": 500,
+    "docs/do/run-the-service.md": 620,
     "docs/do/your-own-panoramas.md": 450,
     "docs/understand/how-it-works.md": 550,
     "docs/understand/trust.md": 450,
     "docs/understand/axes-and-units.md": 450,
     WORDS: 400,
     "lighting/data/MODEL_CARD.md": 600,
-    "export/README.md": 700,
+    "export/README.md": 750,
 }
-MOST_WORDS = 9050  # of all of them but `export/README.md`, which is no page of the book
+MOST_WORDS = 9550  # of all of them but `export/README.md`, which is no page of the book
 BESIDE = ("SECURITY.md", "CONTRIBUTING.md", "examples/CREDITS.md")  # pages without a budget, whose sentences are short
 MEAN_SENTENCE, LONGEST_SENTENCE = 15, 30  # words
-_FIGURES = {"docs/understand/trust.md", "lighting/data/MODEL_CARD.md"}  # pages about accuracy: dates and percentages
+_FIGURES = {
+    "docs/understand/trust.md",
+    "docs/do/other-programs.md",
+    "lighting/data/MODEL_CARD.md",
+}  # dates, percentages
 _ONE_LINE_OF_FIGURES = "README.md"
 _NO_LINKS = {WORDS, "lighting/data/MODEL_CARD.md"}  # the glossary itself, and a card that is read on another host
 _MONTHS = "January|February|March|April|May|June|July|August|September|October|November|December"
