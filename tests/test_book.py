@@ -48,7 +48,7 @@ RUN_ELSEWHERE = {  # marks of blocks, and what runs them
     "image": "scripts/check_compose.py, by buildah and caddy",
     "train": "tests/export/test_recipes.py",
 }
-NOT_RUN = {"text", "json", "html", "js", "csv"}  # languages of no program
+NOT_RUN = {"text", "json", "html", "js", "csv", "nginx"}  # languages of no program
 HTTP_REFERENCE = "docs/reference/http.md"  # whose commands are run, too
 SERVICE = "http://127.0.0.1:8000"
 EXAMPLE_JOB = re.compile(r"/ID\b|/4d1c0a6f5e2b7398\b")  # as the pages name a job

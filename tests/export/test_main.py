@@ -25,7 +25,7 @@ def test_the_baseline_has_no_such_heads(data: Path, tmp_path: Path, option: list
     arguments = ["train", "--data", str(data), "--out", str(tmp_path / "run"), "--network", "cvpr2017", *option]
     result = CliRunner().invoke(export_cli, arguments)
     assert result.exit_code == 2
-    assert "not for cvpr2017" in result.output
+    assert "not for the network cvpr2017" in result.output
     assert not (tmp_path / "run").exists()
 
 

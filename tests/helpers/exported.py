@@ -228,7 +228,7 @@ def _read_unreal(folder: Path) -> ExportedScene:
 
 def _read_unity(folder: Path) -> ExportedScene:
     extractPackage(str(folder / "scene.unitypackage"), outputPath=str(folder))
-    assets = folder / "Assets" / "LightFromPhoto"
+    (assets,) = (file.parent for file in folder.rglob("scene.json"))  # of the photo's own folder
     numbers = json.loads((assets / "scene.json").read_text())
 
     def vector(name: str) -> Floats:
