@@ -151,7 +151,8 @@ def test_what_cannot_be_done_is_told_in_a_sentence(client: TestClient, folder: P
         assert record["code"]
         assert names_in(folder / JOBS_FOLDER / record["id"]) == {"job.json"}
         assert (
-            problem(client.get(f"{urljoin('/v1/jobs', answer.headers['location'])}/result"), 409, "no-result")["detail"] == record["error"]
+            problem(client.get(f"{urljoin('/v1/jobs', answer.headers['location'])}/result"), 409, "no-result")["detail"]
+            == record["error"]
         )
 
 
