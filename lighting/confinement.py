@@ -26,7 +26,7 @@ _FILE_RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15}  # number of rights to files, folder
 _MOST_FILE_RIGHTS = 16  # from version 5 on, which added those to devices
 _NETWORK_RIGHTS, _NETWORK_VERSION = 0b11, 4  # to listen and to connect by TCP
 _SCOPES, _SCOPE_VERSION = 0b11, 6  # abstract sockets and signals of other processes
-_EXECUTE, _READ = 0b1, 0b1100  # rights to programs, and to files and folders
+_EXECUTE, _LIST, _READ = 0b1, 0b1000, 0b1100  # rights to programs, to names in folders, and to these and files
 _READ_AND_WRITE = _READ | 0b100_0001_1011_0010  # with making, changing and removing both
 _OF_FILES = 0b1100_0000_0000_0111  # the rights that a rule about a file may grant
 _CAPABILITY_VERSION, _OPEN_ANY = 0x20080522, 0b110  # of capset(2); CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH
@@ -122,8 +122,8 @@ def confine_to_folder(folder: Path, readable: Iterable[Path] = (), *, processes:
     _limit_tasks()
     if library.prctl(_SET_NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0:
         _drop_capabilities(library, _OPEN_ANY)
-        paths = [*_python_folders(), *map(Path, _SYSTEM_FOLDERS), *readable]
-        rights = dict.fromkeys(paths, _READ | _EXECUTE * processes)
+        use = _READ | _EXECUTE * processes
+        rights = _python_rights(use) | dict.fromkeys([*map(Path, _SYSTEM_FOLDERS), *readable], use)
         rights |= {Path(path): _READ_AND_WRITE for path in _DEVICES}
         _restrict_by_landlock(library, {**rights, folder: _READ_AND_WRITE})
         _filter_calls(library, lambda machine: _folder_filter(machine, processes=processes))
@@ -141,14 +141,14 @@ def describe_confinement() -> str:
     return f"limits on resources, {'a' if has_filter else 'no'} filter of system calls, {landlock}"
 
 
-def _python_folders() -> Iterator[Path]:
-    """Where Python and its modules lie; of a checkout of this package only its modules."""
+def _python_rights(use: int) -> dict[Path, int]:
+    """Rights to use Python and its modules; of a checkout of this package its modules, and the names beside them."""
+    rights = {Path(name): use for name in (sys.prefix, sys.base_prefix, *filter(None, sys.path))}
     root = Path(__file__).parents[1]
-    is_checkout = (root / "pyproject.toml").is_file()
-    yield from (root / name for name in ("lighting", "server") if is_checkout)
-    for name in (sys.prefix, sys.base_prefix, *filter(None, sys.path)):
-        if not (is_checkout and Path(name).resolve() == root.resolve()):
-            yield Path(name)
+    if (root / "pyproject.toml").is_file():
+        rights |= {path: _LIST for path in rights if path.resolve() == root.resolve()}  # Python looks through the names
+        rights |= {root / "lighting": use, root / "server": use}
+    return rights
 
 
 def _drop_capabilities(library: ctypes.CDLL, kept: int) -> None:

@@ -149,6 +149,10 @@ def change():
     (folder / "job" / "new" / "a").replace(folder / "job" / "new" / "b")
     (folder / "job" / "new" / "b").unlink()
     (folder / "job" / "new").rmdir()
+def start_program():
+    arguments, root = [sys.executable, "-P", "-c", "import lighting"], str(Path(confinement.__file__).parents[1])
+    if os.waitpid(os.posix_spawn(sys.executable, arguments, {{"PYTHONPATH": root}}), 0)[1]:
+        raise OSError("it cannot import the package")
 probes = {{
     **others,
     "change": change,
@@ -165,7 +169,7 @@ probes = {{
     "unlink": lambda: os.unlink(folder / "secret"),
     "clone": lambda: (Path(confinement.__file__).parents[1] / "pyproject.toml").read_bytes(),
     "thread": lambda: _thread.start_new_thread(int, ()),
-    "program": lambda: os.waitpid(os.posix_spawn(sys.executable, [sys.executable, "-c", ""], {{}}), 0),
+    "program": start_program,
 }}
 for name, act in probes.items():
     print(attempt(act), name)
@@ -187,7 +191,9 @@ def test_what_a_process_confined_to_a_folder_can_do(tmp_path: Path, target: int,
     assert works == expected
 
 
-def test_of_a_checkout_a_job_reads_the_modules_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_of_a_checkout_a_job_reads_the_modules_alone_and_lists_the_names_beside_them(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     for installed in (False, True):
         root = tmp_path / str(installed)
         (root / "lighting").mkdir(parents=True)
@@ -195,10 +201,10 @@ def test_of_a_checkout_a_job_reads_the_modules_alone(monkeypatch: pytest.MonkeyP
             (root / "pyproject.toml").touch()
         monkeypatch.setattr(confinement, "__file__", str(root / "lighting" / "confinement.py"))
         monkeypatch.setattr(sys, "path", [str(root), str(tmp_path / "other")])
-        folders = set(confinement._python_folders())
-        assert tmp_path / "other" in folders
-        assert (root in folders) == installed
-        assert ({root / "lighting", root / "server"} <= folders) != installed
+        rights = confinement._python_rights(0b1101)
+        assert rights[tmp_path / "other"] == 0b1101
+        assert rights[root] == (0b1101 if installed else 0b1000)  # the right to list alone
+        assert ({root / "lighting", root / "server"} <= set(rights)) != installed
 
 
 def run_filter(program: list[tuple[int, int, int, int]], machine: str, call: int, *arguments: int) -> int:
