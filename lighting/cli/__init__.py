@@ -32,6 +32,7 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
     "probe": "probe",
     "stereo": "stereo",
     "serve": "serve",
+    "mcp": "serve",
     "doctor": "info",
 }
 
