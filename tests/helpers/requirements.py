@@ -114,7 +114,6 @@ REQUIREMENTS = {
             "pvlib": "pvlib",
             "pandas": "pvlib",
             "pxr": "OpenUSD",
-            "tritonclient": "Triton",
             "unityparser": "unityparser",
             "unitypackage_extractor": "unitypackage-extractor",
         },
