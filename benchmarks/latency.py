@@ -53,7 +53,7 @@ from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.estimator import Estimator
-from lighting.files.exr import _prepare_compression, write_exr
+from lighting.files.exr import write_exr
 from lighting.geometry import latlong_directions
 from lighting.map_options import MapOptions
 from lighting.model import preprocess, resize_to_input
@@ -95,10 +95,9 @@ def opencv_detector(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
 
 
 def write_by_openexr(image: NDArray[np.float32]) -> None:
-    """OpenEXR's writing of the array, rounded and packed as write_exr does, into memory."""
-    packing, pixels = _prepare_compression(image, "zip")
-    header = {"compression": packing, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {"RGB": pixels}).write(io.BytesIO())
+    """OpenEXR's writing of the array as half floats in ZIP, into memory."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": image.astype(np.float16)}).write(io.BytesIO())
 
 
 def enlarge_by_pillow(photo: NDArray[np.uint8], size: tuple[int, int], cells: NDArray[np.float32], height: int) -> None:
@@ -179,7 +178,7 @@ def measure_parts(
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:
-        estimator(read_photo(jpeg)).render(MapOptions(height, sun=True)).write(next(exr), consume=True)
+        estimator(read_photo(jpeg)).render(MapOptions(height, sun=True)).write(next(exr))
 
     directions = latlong_directions(height)
     mitsuba, above = mitsuba_evaluator(light, directions), mitsuba_evaluator(light, directions[: height // 2])

@@ -147,7 +147,7 @@ def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOutput) -> str
         if path.is_file() and not is_own_map(path.open("rb")):
             return FOREIGN_MAP
         assert answer.rendered is not None
-        answer.rendered.write(path, maps.file, consume=True)
+        answer.rendered.write(path, maps.file)
     except (EnvironmentMapError, OSError) as error:
         cause = error if isinstance(error, OSError) else error.__cause__
         if isinstance(cause, OSError) and cause.errno in MAP_NAME_ERRORS:

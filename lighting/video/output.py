@@ -36,7 +36,8 @@ from lighting.envmap.relighting import radiance_gain, rotate_envmap, rotate_ligh
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import ErrorCode, SceneError, VideoError
-from lighting.files import atomic_write, encode_png, escape_undecodable, is_own_map, write_envmap
+from lighting.files import atomic_write, escape_undecodable, is_own_map, write_envmap
+from lighting.files.deflate import encode_png
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
 from lighting.light_probe import compute_light_probe
@@ -388,7 +389,7 @@ class _KeptMap:
         context = shot_map.context
         if context is None:
             return _KeptMap(shot_map, b"")
-        png = encode_png(context.photo, compress_level=1)
+        png = encode_png(context.photo)
         return _KeptMap(replace(shot_map, context=replace(context, photo=context.photo[:1, :1].copy())), png)
 
     def unpack(self) -> _ShotMap:
@@ -555,7 +556,7 @@ def _write_frame_maps(job: VideoJob, shot_map: _ShotMap, lights: Sequence[FrameL
             else:
                 picture = shot_map.turn_to_frame(sky, light)
         with trace_step("encode"):
-            write_envmap(folder / f"{light.frame:06d}.exr", picture, light.lighting, probe=light.probe, overwrite=True)
+            write_envmap(folder / f"{light.frame:06d}.exr", picture, light.lighting, probe=light.probe)
 
 
 def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> None:
