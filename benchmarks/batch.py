@@ -1,10 +1,9 @@
-"""Batches: the pool's rate by number of workers compared with its floors, its memory, and Ray's rate.
+"""Batches beside a plain loop of Pillow and onnxruntime, their memory, and Ray's rate.
 
-    python -m benchmarks.batch [--photos 200] [--memory-photos 10000] [--no-ray]
+    python -m benchmarks.batch [--photos 300] [--workers 2] [--against FOLDER] [--memory-photos 10000] [--no-ray]
 
-The photos are one JPEG under many names. A floor is what one process of one thread needs for Pillow's decoding at
-reduced scale and for onnxruntime's run of the same graph, in as many processes as there are workers. The pool's rate
-without its start is that of the photos by which a larger folder exceeds a smaller one.
+The photos differ. The loop decodes at reduced scale and runs the same graph, in as many processes of one thread as
+there are workers. Loop, batch, and batch of another checkout take turns; shares are medians over the turns.
 """
 
 import argparse
@@ -14,54 +13,56 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from benchmarks.common import TWELVE_MEGAPIXELS, describe_machine, make_photo_folder, run_lighting
+from benchmarks.common import (
+    ROOT,
+    TWELVE_MEGAPIXELS,
+    ProcessCost,
+    describe_machine,
+    make_different_photos,
+    make_photo_folder,
+    median_ratio,
+    run_lighting,
+    run_python,
+)
 
 SMALL = (640, 480)
-ROUNDS = 5  # floors and pool in turn; the medians count
 
-_FLOOR = """
-import sys, time
+_PLAIN_LOOP = """
+import sys
 from pathlib import Path
-from statistics import median
+import numpy as np
 from PIL import Image
-from lighting.model import Model, preprocess
-from lighting.photo.reader import TARGET, read_photo
-path, count = Path(sys.argv[1]), int(sys.argv[2])
+from lighting.model import Model, fit_size, pad_to_input
+folder, part, parts = Path(sys.argv[1]), *map(int, sys.argv[2:])
 model = Model.load(threads=1)
-tensor = preprocess(read_photo(path), model.spec)
-started = time.perf_counter()
-for _ in range(count):
+for path in sorted(folder.iterdir())[part::parts]:
     image = Image.open(path)
-    image.draft(None, (TARGET, TARGET * image.height // image.width))
-    image.load()
-    model.session.run(None, {"photo": tensor})
-print(count / (time.perf_counter() - started))
+    image.draft("RGB", (448, 448))
+    image = image.convert("RGB")
+    small = image.resize(fit_size(*image.size, model.spec), Image.Resampling.BILINEAR)
+    model.session.run(None, {"photo": pad_to_input(np.asarray(small), model.spec)[None]})
 """
 
 
-def floor_rate(photo: Path, workers: int, count: int) -> float:
-    """Photos per second of the bare libraries in `workers` processes."""
-    command = [sys.executable, "-c", _FLOOR, str(photo), str(count)]
-    running = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(workers)]
-    return sum(float(process.communicate()[0]) for process in running)
+def run_plain_loop(photos: Path, workers: int) -> ProcessCost:
+    """What Pillow and onnxruntime alone take of the photos, in so many processes of one thread."""
+    with ThreadPoolExecutor(workers) as pool:
+        costs = list(pool.map(lambda part: run_python("-c", _PLAIN_LOOP, photos, part, workers), range(workers)))
+    busy = sum(cost.processor_seconds for cost in costs)
+    return ProcessCost(max(cost.seconds for cost in costs), busy, sum(cost.peak for cost in costs))
 
 
-def pool_rates(few: Path, many: Path, workers: int) -> tuple[float, float]:
-    """Photos per second of the larger folder with the start, and without it, by the difference to the smaller."""
-    counts = [sum(1 for _ in photos.iterdir()) for photos in (few, many)]
-    took = [pool_seconds(photos, workers) for photos in (few, many)]
-    return counts[1] / took[1], (counts[1] - counts[0]) / (took[1] - took[0])
-
-
-def pool_seconds(photos: Path, workers: int) -> float:
-    """Seconds of a whole run."""
+def run_batch(photos: Path, workers: int, package: Path) -> ProcessCost:
+    """What `lighting batch` takes of the photos."""
     with tempfile.TemporaryDirectory() as out:
-        return run_lighting("batch", photos, out, "--workers", workers)
+        return run_lighting("batch", photos, out, "-q", "--workers", workers, package=package)
 
 
 def memory_by_photo(photos: Path, count: int) -> Iterator[tuple[int, float]]:
@@ -89,7 +90,7 @@ def _resident(pid: int) -> float:
 def ray_rate(photos: Path, count: int) -> dict[str, Any]:
     """Photos per second of Ray including its start, and on a running cluster with a warm actor."""
     with tempfile.TemporaryDirectory() as out:
-        whole = count / run_lighting("batch", photos, out, "--engine", "ray", "-q")
+        whole = count / run_lighting("batch", photos, out, "--engine", "ray", "-q").seconds
     with tempfile.TemporaryDirectory() as out:
         completed = subprocess.run(
             [sys.executable, "-c", _RAY, str(photos), out], capture_output=True, text=True, check=True
@@ -112,36 +113,38 @@ print(time.perf_counter() - started)
 """
 
 
-def print_workers(size: tuple[int, int], count: int) -> dict[str, Any]:
-    """The table by workers of photos of one size; returns its figures."""
-    figures: dict[str, Any] = {}
-    with make_photo_folder(count // 4, size) as few, make_photo_folder(count, size) as many:
-        print(f"\n{count} JPEGs of {size[0]} x {size[1]}; photos per second")
-        print(f"{'workers':>8}{'whole':>9}{'running':>9}{'floors':>9}{'share':>8}")
-        for workers in (1, 2):
-            rounds = [
-                (floor_rate(many / "000000.jpg", workers, count // workers), *pool_rates(few, many, workers))
-                for _ in range(ROUNDS)
-            ]
-            floor, whole, steady = map(median, zip(*rounds, strict=True))
-            figures[str(workers)] = {"whole": whole, "running": steady, "floors": floor}
-            print(f"{workers:>8}{whole:9.1f}{steady:9.1f}{floor:9.1f}{steady / floor:8.2f}")
-    print(f"2 workers are {figures['2']['running'] / figures['1']['running']:.2f} times 1")
-    return figures
+def print_rates(size: tuple[int, int], count: int, workers: int, packages: Sequence[Path], runs: int) -> None:
+    """Rates and processor time of the plain loop and of batches, by turns, and the share of the loop's rate."""
+    with make_different_photos(count, size) as photos:
+        names = ["plain loop", "batch", *(f"batch of {package}" for package in packages[1:])]
+        works = [partial(run_plain_loop, photos, workers), *(partial(run_batch, photos, workers, p) for p in packages)]
+        turns = zip(*([work() for work in works] for _ in range(runs)), strict=True)
+        print(f"\n{count} JPEGs of {size[0]} x {size[1]} that differ, {workers} workers, start included")
+        print(f"{'':<30}{'a second':>9}{'share':>7}{'CPU ms':>8}{'share':>7}")
+        loop: list[list[float]] = []
+        for name, costs in zip(names, turns, strict=True):
+            figures = [[cost.seconds for cost in costs], [cost.processor_seconds for cost in costs]]
+            loop = loop or figures
+            wall, busy = map(median_ratio, loop, figures)
+            rate, each = count / median(figures[0]), 1000 * median(figures[1]) / count
+            print(f"{name[-30:]:<30}{rate:9.1f}{wall:7.2f}{each:8.1f}{busy:7.2f}", flush=True)
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--photos", type=int, default=200)
+    parser.add_argument("--photos", type=int, default=300)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--against", type=Path, metavar="FOLDER", help="A checkout of another version.")
     parser.add_argument("--memory-photos", type=int, default=10_000)
     parser.add_argument("--no-ray", action="store_true")
     options = parser.parse_args()
     print(describe_machine())
-    print_workers(TWELVE_MEGAPIXELS, options.photos)
-    print_workers(SMALL, 5 * options.photos)
+    packages = [ROOT, *([options.against.resolve()] if options.against else [])]
+    print_rates(SMALL, options.photos, options.workers, packages, options.runs)
     if importlib.util.find_spec("ray") and not options.no_ray:
-        print_ray(5 * options.photos)
+        print_ray(options.photos)
     else:
         print("\nRay: not measured" + ("" if options.no_ray else "; it is not installed"))
     if options.memory_photos:
@@ -156,7 +159,7 @@ def main() -> None:
 def print_ray(count: int) -> None:
     """The pool and Ray on the same photos."""
     with make_photo_folder(count, TWELVE_MEGAPIXELS) as photos:
-        pool = count / pool_seconds(photos, 2)
+        pool = count / run_batch(photos, 2, ROOT).seconds
         ray = ray_rate(photos, count)
     print(f"\nThe same {count} photos: pool of 2 {pool:.1f} a second, Ray {json.dumps(ray)}")
 

@@ -2,18 +2,21 @@
 
 import os
 import platform
-import resource
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import IO, Any
 
 import numpy as np
 from PIL import Image
+
+from lighting.runtime import ONE_THREAD
 
 ROOT = Path(__file__).parent.parent
 EXAMPLE = ROOT / "examples" / "wide_street.jpg"
@@ -51,6 +54,25 @@ def make_photo_folder(count: int, size: tuple[int, int] = (1024, 768)) -> Iterat
         yield folder
 
 
+@contextmanager
+def make_different_photos(count: int, size: tuple[int, int]) -> Iterator[Path]:
+    """A folder of `count` photos of one size: parts of the examples, each with a noise of its own."""
+    rng = np.random.default_rng(0)
+    pictures = [Image.open(path).convert("RGB") for path in sorted(EXAMPLE.parent.glob("*.jpg"))]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "photos"
+        folder.mkdir()
+        for number in range(count):
+            picture = pictures[number % len(pictures)]
+            share = rng.uniform(0.6, 1.0)
+            left, top = (rng.uniform(0, side * (1 - share)) for side in picture.size)
+            box = (left, top, left + share * picture.width, top + share * picture.height)
+            part = np.asarray(picture.resize(size, Image.Resampling.BICUBIC, box), dtype=np.float32)
+            noisy = part + rng.normal(0, 3, part.shape)
+            Image.fromarray(np.clip(noisy, 0, 255).astype(np.uint8)).save(folder / f"{number:06}.jpg", quality=92)
+        yield folder
+
+
 def measure_milliseconds(
     parts: Mapping[str, Callable[[], Any]], runs: int, clock: Callable[[], float] = time.perf_counter
 ) -> dict[str, float]:
@@ -65,25 +87,78 @@ def measure_milliseconds(
     return {name: 1000 * min(seconds) for name, seconds in times.items()}
 
 
-def run_lighting(*arguments: object) -> float:
-    """Seconds that a `lighting` command takes in a process of its own; SystemExit where it fails.
+@dataclass(frozen=True)
+class ProcessCost:
+    """What one process took, with those that it started."""
 
-    Of a batch single photos may fail.
+    seconds: float
+    processor_seconds: float  # of all threads
+    peak: float  # MB, of the largest one
+
+
+def run_python(*arguments: object, package: Path = ROOT, folder: Path | None = None) -> ProcessCost:
+    """Run Python in a process of its own, which has to be larger than this one for its peak; SystemExit if it fails.
+
+    Args:
+        arguments: of Python.
+        package: folder of the `lighting` that it imports: a checkout, or an installed wheel.
+        folder: in which it runs; None: the package's.
     """
-    command = [sys.executable, "-m", "lighting", *map(str, arguments)]
+    command = [sys.executable, *map(str, arguments)]
+    environment = {**os.environ, "PYTHONPATH": str(package)}
     started = time.perf_counter()
-    result = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
-    if result.returncode not in ((0, 1) if arguments[0] == "batch" else (0,)):
-        raise SystemExit(f"{' '.join(command)} ended with status {result.returncode}.")
-    return time.perf_counter() - started
+    process = subprocess.Popen(command, cwd=folder or package, env=environment, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    seconds = time.perf_counter() - started
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode not in ((0, 1) if "batch" in arguments else (0,)):  # of a batch single photos may fail
+        raise SystemExit(f"{' '.join(command)} ended with status {process.returncode}.")
+    return ProcessCost(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
 
 
-def measure_cpu_seconds(*arguments: object) -> float:
-    """Processor time [s] of all threads of a `lighting` command in a process of its own, for a busy machine."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    run_lighting(*arguments)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+def run_lighting(*arguments: object, package: Path = ROOT, folder: Path | None = None) -> ProcessCost:
+    """Run a `lighting` command as `run_python` does."""
+    return run_python("-m", "lighting", *arguments, package=package, folder=folder)
+
+
+def take_turns(works: Sequence[Callable[[], float]], runs: int) -> list[list[float]]:
+    """What each work returns in each run; they take turns, so that a busy machine is as busy for all."""
+    return [list(column) for column in zip(*([work() for work in works] for _ in range(runs)), strict=True)]
+
+
+def median_ratio(ours: Sequence[float], others: Sequence[float]) -> float:
+    """The median over pairs of runs."""
+    return median(one / other for one, other in zip(ours, others, strict=True))
+
+
+@contextmanager
+def warm_worker(package: Path, code: str, *arguments: object) -> Iterator[Callable[[], float]]:
+    """A function that has a process run `job()` once more, and returns its processor time [ms].
+
+    Args:
+        package: folder of the `lighting` that it imports.
+        code: of the process; it defines `job`.
+        arguments: of the process.
+    """
+    loop = """
+import sys, time
+job(), job()
+for _ in sys.stdin:
+    before = time.process_time()
+    job()
+    print(1000 * (time.process_time() - before), flush=True)
+"""
+    environment = {**os.environ, **ONE_THREAD, "PYTHONPATH": str(package)}
+    command = [sys.executable, "-c", code + loop, *map(str, arguments)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, cwd=package, env=environment, text=True, **pipes) as process:  # type: ignore[call-overload]
+
+        def run() -> float:
+            process.stdin.write("\n")
+            process.stdin.flush()
+            return float(process.stdout.readline())
+
+        yield run
 
 
 _PRINT_PEAK = """

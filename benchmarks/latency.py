@@ -1,11 +1,13 @@
 """From a 12-megapixel JPEG to a 1024 x 512 EXR: each part compared with its floor, measured in the same run.
 
-    python -m benchmarks.latency [--runs 15] [--cpu]
+    python -m benchmarks.latency [--runs 15] [--cpu] [--against FOLDER]
 
 A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, Pillow's resizing to the
 network's input and onnxruntime's run of the same graph, a small grey picture and its gradient by numpy, a copy of the
-map, Pillow's resizing of the photo and of the coarse panorama to the map's scale, OpenEXR's writing of the same array
-into memory. Every EXR is a new file: replacing one costs the file system milliseconds.
+map, Pillow's resizing of the photo and of the coarse panorama to the map's scale, its decoding and resizing of the
+panorama that lends its detail and a product with the map, OpenEXR's writing of the same array into memory. Every EXR
+is a new file: replacing one costs the file system milliseconds. `--against FOLDER` has another checkout make the map by
+turns in a warm process of its own, and prints the median ratio of processor time.
 The whole is what `lighting envmap` does: the photo's own sky and ground in the answer, and a map with the place. Two
 floors are of less than the part does, for numpy's gradient finds no lines and a copy paints no sky. So the whole also
 stands beside floors with OpenCV's line segments and with Mitsuba's `sunsky` above the horizon in their place, where
@@ -23,9 +25,12 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from lighting.start import prepare_process
@@ -38,22 +43,26 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.common import (
+    ROOT,
     TWELVE_MEGAPIXELS,
     describe_machine,
     make_photo,
-    measure_cpu_seconds,
     measure_milliseconds,
     measure_peak_memory,
+    median_ratio,
     run_lighting,
+    take_turns,
+    warm_worker,
 )
 from export.data.panoramas import DataError
 from export.data.rendered_towns import find_llvm
 from lighting.calibration import MAX_SIDE, calibrate_from_lines
+from lighting.envmap.detail_library import DetailSource, load_detail_library
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.estimator import Estimator
-from lighting.files.exr import _prepare_compression, write_exr
+from lighting.files.exr import write_exr
 from lighting.geometry import latlong_directions
 from lighting.map_options import MapOptions
 from lighting.model import preprocess, resize_to_input
@@ -61,7 +70,7 @@ from lighting.photo.reader import TARGET, read_photo
 from lighting.photo.sandbox import read_photo_isolated
 from lighting.records import Lighting
 
-PARTS = ("decode", "network", "lines", "sky and sun", "place", "EXR")
+PARTS = ("decode", "network", "lines", "sky and sun", "place", "detail", "EXR")
 
 
 def decode_by_pillow(path: Path) -> Image.Image:
@@ -95,10 +104,9 @@ def opencv_detector(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
 
 
 def write_by_openexr(image: NDArray[np.float32]) -> None:
-    """OpenEXR's writing of the array, rounded and packed as write_exr does, into memory."""
-    packing, pixels = _prepare_compression(image, "zip")
-    header = {"compression": packing, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {"RGB": pixels}).write(io.BytesIO())
+    """OpenEXR's writing of the array as half floats in ZIP, into memory."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": image.astype(np.float16)}).write(io.BytesIO())
 
 
 def enlarge_by_pillow(photo: NDArray[np.uint8], size: tuple[int, int], cells: NDArray[np.float32], height: int) -> None:
@@ -106,6 +114,12 @@ def enlarge_by_pillow(photo: NDArray[np.uint8], size: tuple[int, int], cells: ND
     Image.fromarray(photo).resize(size)
     for channel in np.moveaxis(cells, 2, 0):
         Image.fromarray(channel).resize((2 * height, height), Image.Resampling.BILINEAR)
+
+
+def paint_library_by_pillow(library: DetailSource, image: NDArray[np.float32]) -> None:
+    """Pillow's decoding and resizing of the panorama that lends a map (H, 2H, 3) its detail, and their product."""
+    picture = Image.open(io.BytesIO(load_detail_library().read_picture(library.choice.index))).convert("RGB")
+    image * np.asarray(picture.resize(image.shape[1::-1]), dtype=np.float32)
 
 
 def mitsuba_evaluator(light: Lighting, directions: NDArray[Any]) -> tuple[str, Callable[[], Any]] | None:
@@ -174,12 +188,14 @@ def measure_parts(
     light = estimate.lighting
     context = PhotoContext(photo.pixels, estimate.surroundings)
     image = render_with_surroundings(light, context, height, sun=True)
+    detailed = estimate.context()
     assert estimate.surroundings is not None
+    assert detailed is not None
     coarse, size = estimate.surroundings, size_in_envmap(photo_camera(light, *photo.pixels.shape[1::-1]), height)
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:
-        estimator(read_photo(jpeg)).render(MapOptions(height, sun=True)).write(next(exr), consume=True)
+        estimator(read_photo(jpeg)).render(MapOptions(height, sun=True)).write(next(exr))
 
     directions = latlong_directions(height)
     mitsuba, above = mitsuba_evaluator(light, directions), mitsuba_evaluator(light, directions[: height // 2])
@@ -200,6 +216,8 @@ def measure_parts(
         "sky and sun floor": image.copy,
         "place": lambda: render_with_surroundings(light, context, height, sun=True),
         "place floor": lambda: enlarge_by_pillow(photo.pixels, size, coarse, height),
+        "detail": lambda: render_with_surroundings(light, replace(detailed), height, sun=True),
+        "detail floor": lambda: paint_library_by_pillow(detailed.own_source, image),
         "EXR": lambda: write_exr(next(exr), image, light),
         "EXR floor": lambda: write_by_openexr(image),
     }
@@ -208,6 +226,7 @@ def measure_parts(
     if mitsuba and above:
         work |= {"mitsuba": mitsuba[1], "mitsuba above": above[1]}
     times = measure_milliseconds(work, runs, clock)
+    times["detail"] -= times["place"]
     times["place"] -= times["sky and sun"]  # which it paints first
     times["network"] -= times["lines"]  # whose answer holds them
     return times, mitsuba[0] if mitsuba else None
@@ -241,6 +260,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--height", type=int, default=512)
     parser.add_argument("--cpu", action="store_true", help="Processor time of all threads, for a busy machine.")
+    parser.add_argument("--against", type=Path, metavar="FOLDER", help="A checkout of another version.")
     options = parser.parse_args()
     clock = time.process_time if options.cpu else time.perf_counter
     with tempfile.TemporaryDirectory() as folder:
@@ -250,14 +270,43 @@ def main() -> None:
         print(f"JPEG of {size} to a map of {2 * options.height} x {options.height}")
         print(f"fastest of {options.runs} runs, {'processor' if options.cpu else 'wall'} time; {describe_machine()}\n")
         print_parts(*measure_parts(jpeg, Path(folder), options.height, options.runs, clock))
+        if options.against:
+            print_pairs(options.against.resolve(), jpeg, Path(folder), options.height, options.runs)
         command = ["envmap", str(jpeg), "-o", str(exr), "--overwrite", "--height", str(options.height)]
         print_process(command, options.runs)
 
 
+_WHOLE = """
+import sys
+from pathlib import Path
+import lighting
+photo, folder, height = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
+estimator = lighting.Estimator()
+def job():
+    (folder / "pair.exr").unlink(missing_ok=True)
+    estimator(lighting.read_photo(photo)).save(folder / "pair.exr", height, sun=True)
+"""
+
+
+def print_pairs(other: Path, jpeg: Path, folder: Path, height: int, runs: int) -> None:
+    """The whole by this checkout and by another, each in a warm process, by turns."""
+    folders = [folder / name for name in ("ours", "other")]
+    for one in folders:
+        one.mkdir()
+    with ExitStack() as workers:
+        works = [
+            workers.enter_context(warm_worker(package, _WHOLE, jpeg, one, height))
+            for package, one in zip((ROOT, other), folders, strict=True)
+        ]
+        ours, theirs = take_turns(works, runs)
+    ratio = median_ratio(ours, theirs)
+    print(f"whole in a warm process: {median(ours):.0f} CPU ms, {ratio:.2f} times the {median(theirs):.0f} of {other}")
+
+
 def print_process(command: list[str], runs: int) -> None:
     """Print the time of the command in a process of its own, and of its imports."""
-    seconds = min(run_lighting(*command) for _ in range(runs))
-    busy = min(measure_cpu_seconds(*command) for _ in range(runs))
+    costs = [run_lighting(*command) for _ in range(runs)]
+    seconds, busy = min(cost.seconds for cost in costs), min(cost.processor_seconds for cost in costs)
     print(f"\nlighting envmap as a process: {1000 * seconds:.0f} ms, of the processors {1000 * busy:.0f} ms")
     print(f"its peak memory: {measure_peak_memory(*command):.0f} MB")
     print("this is the checkout: modules that are not compiled yet cost 65 ms; benchmarks.processes measures a wheel")

@@ -37,7 +37,7 @@ class EnvmapAPI(litserve.LitAPI):  # type: ignore[misc]  # known in an environme
 
     def predict(self, data: bytes) -> bytes:
         """Its environment map as an EXR, with the place as the service has it."""
-        return self.estimator(read_photo(data)).render(MapOptions(HEIGHT)).encode(consume=True)
+        return self.estimator(read_photo(data)).render(MapOptions(HEIGHT)).encode()
 
     def encode_response(self, output: bytes) -> Response:
         """The EXR as it is."""

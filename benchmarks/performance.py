@@ -1,29 +1,46 @@
-"""Print how cost grows with photos, map height and clients: tables of docs/lab/performance.md.
+"""Print how cost grows with photos, map height and clients, and what packings cost: docs/lab/performance.md's tables.
 
-    python -m benchmarks.performance [photos] [heights] [clients] [--photos 100 1000 10000] [--seconds 4]
+    python -m benchmarks.performance [photos] [heights] [clients] [packings] [--photos 100 1000 10000] [--seconds 4]
 
-Clients need the service (extra `server`).
+Packings are those of EXR files of example photos, by one thread, beside OpenImageIO where that is installed.
 """
 
 import argparse
+import io
 import os
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.clients import Job
-from benchmarks.common import describe_machine, make_photo, make_photo_folder, measure_milliseconds, run_lighting
+from benchmarks.common import (
+    EXAMPLE,
+    describe_machine,
+    make_photo,
+    make_photo_folder,
+    measure_milliseconds,
+    run_lighting,
+)
 from benchmarks.load import RECORD, run, started
+from lighting import estimate
 from lighting.envmap.render import render
-from lighting.files.exr import write_exr
+from lighting.files import FileOptions, encode_envmap
+from lighting.files.exr import COMPRESSIONS, read_exr, set_compression_threads, write_exr
+from lighting.map_options import MapOptions
 from lighting.records import Lighting
 
 SIZE = (1600, 1200)  # of the photos, pixels
 HEIGHTS = (128, 256, 512, 1024, 2048, 4096)
+_MAPS = 4  # of example photos
 CLIENTS = (1, 2, 4, 8, 16, 32, 64)
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.021)
 
@@ -35,7 +52,7 @@ def photos_table(counts: list[int]) -> Iterator[str]:
     with tempfile.TemporaryDirectory() as out:
         for count in sorted(counts):
             with make_photo_folder(count, SIZE) as photos:
-                took[count] = run_lighting("batch", photos, f"{out}/{count}")
+                took[count] = run_lighting("batch", photos, f"{out}/{count}").seconds
             yield f"| {count:,} | {took[count]:.1f} | {count / took[count]:.1f} |"
         line = (Path(out) / str(counts[0]) / "lighting.jsonl").stat().st_size / counts[0]
     start, each = line_through(took)
@@ -88,10 +105,53 @@ def clients_table(seconds: float) -> Iterator[str]:
             yield f"| {count} | {rate:.1f} | {np.median(took):.0f} | {late:.0f} | {100 * refused:.0f} % |"
 
 
+def packings_table(runs: int) -> Iterator[str]:
+    """Processor time to write a map by its packing, size of the file, and how much values and the light change."""
+    set_compression_threads(1)
+    images = [estimate(photo).render(MapOptions(512)).image for photo in sorted(EXAMPLE.parent.glob("*.jpg"))[:_MAPS]]
+    work: dict[str, Callable[[NDArray[np.float32]], bytes]] = {
+        name: lambda image, name=name: encode_envmap(image, options=FileOptions(compression=name))  # type: ignore[misc]
+        for name in COMPRESSIONS
+    }
+    if find_spec("OpenImageIO"):
+        work["OpenImageIO, half, zip:1"] = encode_by_openimageio
+    yield f"| {len(images)} maps of 1024 x 512 | CPU ms | x time | MB | largest error of a value | of the light |"
+    yield f"|{' --- |' * 6}"
+    turns = [{name: partial(pack, image) for name, pack in work.items()} for image in images]
+    took = [measure_milliseconds(turn, max(3, runs // 3), time.process_time) for turn in turns]
+    last = list(work)[-1]
+    for name, pack in work.items():
+        files = [pack(image) for image in images]
+        read = [read_exr(io.BytesIO(data))[0] for data in files]
+        pairs = list(zip(read, images, strict=True))
+        error = max(float((np.abs(back - image) / np.maximum(image, 1e-3)).max()) for back, image in pairs)
+        light = max(abs(float(back.sum(dtype=np.float64) / image.sum(dtype=np.float64)) - 1) for back, image in pairs)
+        share, least = median(one[name] / one[last] for one in took), median(one[name] for one in took)
+        size = np.mean([len(data) for data in files]) / 1e6
+        yield f"| {name} | {least:.0f} | {share:.2f} | {size:.2f} | {error:.1e} | {light:.1e} |"
+
+
+def encode_by_openimageio(image: NDArray[np.float32]) -> bytes:
+    """The bytes of an EXR of half floats by OpenImageIO's ZIP of least effort."""
+    import OpenImageIO
+
+    height, width = image.shape[:2]
+    spec = OpenImageIO.ImageSpec(width, height, 3, "half")
+    spec["compression"] = "zip:1"
+    with tempfile.TemporaryDirectory() as folder:
+        target = str(Path(folder) / "map.exr")
+        output = OpenImageIO.ImageOutput.create(target)
+        assert output is not None, OpenImageIO.geterror()
+        output.open(target, spec)
+        output.write_image(image)
+        output.close()
+        return Path(target).read_bytes()
+
+
 def main() -> None:
     """Print the parts that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("parts", nargs="*", help="photos, heights or clients; all by default")
+    parser.add_argument("parts", nargs="*", help="photos, heights, clients or packings; all by default")
     parser.add_argument("--photos", type=int, nargs="+", default=[100, 1000, 10_000])
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--seconds", type=float, default=4.0, help="for each number of clients")
@@ -100,6 +160,7 @@ def main() -> None:
         "photos": lambda: photos_table(options.photos),
         "heights": lambda: heights_table(options.runs),
         "clients": lambda: clients_table(options.seconds),
+        "packings": lambda: packings_table(options.runs),
     }
     if unknown := set(options.parts) - set(tables):
         parser.error(f"there is no part {min(unknown)}: choose of {', '.join(tables)}")

@@ -1,42 +1,32 @@
 """Commands as processes of an installed wheel: their time, processor time and peak memory.
 
-    python -m benchmarks.processes [--against FOLDER] [--runs 21]
+    python -m benchmarks.processes [COMMAND ...] [--against FOLDER] [--runs 21]
 
 A wheel of this checkout is built and unpacked with compiled modules; its dependencies are those of this environment. A
 checkout that Python has not compiled yet takes 65 ms more. With `--against`, a checkout of another version takes turns
-with it, and ratios are medians over the pairs.
+with it, and ratios are medians over the pairs. The scene is of a photo of 12 megapixels.
 """
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from benchmarks.common import EXAMPLE, ROOT, describe_machine
+from benchmarks.common import EXAMPLE, ROOT, ProcessCost, describe_machine, make_photo, median_ratio, run_lighting
 
 COMMANDS: dict[str, tuple[str, ...]] = {
     "--help": ("--help",),
     "estimate": ("estimate", str(EXAMPLE)),
     "envmap": ("envmap", str(EXAMPLE), "-o", "sky.exr", "-q"),
+    "preview": ("preview", str(EXAMPLE), "-o", "preview.png", "--overwrite", "-q"),
+    "scene --for blender": ("scene", "photo.jpg", "--for", "blender", "-o", "scene", "--overwrite", "-q"),
     "envmap --height 4096": ("envmap", str(EXAMPLE), "-o", "sky.exr", "-q", "--height", "4096"),
 }
 _FEWER = 5  # times fewer runs of a command that takes seconds
 _SECONDS = 2.0  # that one takes
-
-
-@dataclass(frozen=True)
-class ProcessCost:
-    """What one process took."""
-
-    seconds: float
-    processor_seconds: float  # of all threads
-    peak: float  # MB
 
 
 def install_wheel(checkout: Path, folder: Path) -> Path:
@@ -49,18 +39,9 @@ def install_wheel(checkout: Path, folder: Path) -> Path:
 
 
 def run_process(site: Path, arguments: Sequence[str], folder: Path) -> ProcessCost:
-    """Run a `lighting` command of an installed wheel in `folder`; this process has to be smaller than that one."""
-    command = [sys.executable, "-m", "lighting", *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(site)}
+    """Run a `lighting` command of an installed wheel in `folder`."""
     (folder / "sky.exr").unlink(missing_ok=True)  # no file is replaced unasked
-    started = time.perf_counter()
-    process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    seconds = time.perf_counter() - started
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise SystemExit(f"{' '.join(command)} ended with status {process.returncode}.")
-    return ProcessCost(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+    return run_lighting(*arguments, package=site, folder=folder)
 
 
 def run_pairs(sites: Sequence[Path], arguments: Sequence[str], folder: Path, runs: int) -> list[list[ProcessCost]]:
@@ -80,9 +61,8 @@ def print_costs(name: str, costs: Sequence[Sequence[ProcessCost]]) -> None:
         f"{1000 * median(c.processor_seconds for c in ours):10.0f}{max(c.peak for c in ours):8.0f}"
     )
     if len(costs) > 1:
-        pairs = list(zip(*costs, strict=True))
-        wall = median(a.seconds / b.seconds for a, b in pairs)
-        busy = median(a.processor_seconds / b.processor_seconds for a, b in pairs)
+        wall = median_ratio(*([cost.seconds for cost in column] for column in costs))
+        busy = median_ratio(*([cost.processor_seconds for cost in column] for column in costs))
         line += f"{wall:10.2f}{busy:10.2f}{max(c.peak for c in costs[1]):10.0f}"
     print(line, flush=True)
 
@@ -90,6 +70,7 @@ def print_costs(name: str, costs: Sequence[Sequence[ProcessCost]]) -> None:
 def main() -> None:
     """Build, measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("commands", nargs="*", metavar="COMMAND", help=f"{', '.join(COMMANDS)}; all by default")
     parser.add_argument("--against", type=Path, metavar="FOLDER", help="A checkout of another version.")
     parser.add_argument("--runs", type=int, default=21)
     options = parser.parse_args()
@@ -97,10 +78,11 @@ def main() -> None:
         checkouts = [ROOT, *([options.against] if options.against else [])]
         folders = [Path(name, str(number)) for number in range(len(checkouts))]
         sites = [install_wheel(checkout, folder) for checkout, folder in zip(checkouts, folders, strict=True)]
+        make_photo(Path(name, "photo.jpg"))
         print(f"medians of {options.runs} runs from a wheel; {describe_machine()}")
         print(f"{'':<22}{'ms':>8}{'CPU ms':>10}{'MB':>8}{'  x time  x CPU ms  other MB' if options.against else ''}")
-        for command, arguments in COMMANDS.items():
-            print_costs(command, run_pairs(sites, arguments, Path(name), options.runs))
+        for command in options.commands or COMMANDS:
+            print_costs(command, run_pairs(sites, COMMANDS[command], Path(name), options.runs))
 
 
 if __name__ == "__main__":

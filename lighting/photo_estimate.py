@@ -166,7 +166,7 @@ class Estimate(EstimatedLight):
             warn_of_old_name("lighting.Estimate.save.colours")
             colors = colours
         file = FileOptions(compression=compression, colors=colors).for_path(path)
-        self.render(MapOptions.of_keywords(height, options)).write(path, file, consume=True)
+        self.render(MapOptions.of_keywords(height, options)).write(path, file)
 
     def light_probe(self, **options: Unpack[MapKeywords]) -> "LightProbe":
         """Compute the light for engines and phones: nine coefficients of all but the sun, and the sun as main light.
@@ -341,9 +341,9 @@ class Estimate(EstimatedLight):
 
     def _repr_png_(self) -> bytes:
         """The preview, which notebooks show."""
-        from lighting.preview.picture import encode_preview_png
+        from lighting.files.deflate import encode_png
 
-        return encode_preview_png(np.asarray(self.preview()))
+        return encode_png(np.asarray(self.preview()))
 
 
 describe_fields(Estimate)

@@ -26,35 +26,31 @@ class RenderedMap:
     probe: LightProbe
     """Of the light and the place."""
 
-    def encode(self, options: FileOptions = DEFAULT_FILE, *, consume: bool = False) -> bytes:
+    def encode(self, options: FileOptions = DEFAULT_FILE) -> bytes:
         """Return the bytes of a file that holds the map; an EXR holds light and probe, too.
 
         Args:
             options: how the file is written.
-            consume: whether the image's memory may be used; the image is then worthless.
 
         Raises:
             EnvironmentMapError: the map does not fit the format.
         """
         with trace_step("encode"):
-            return encode_envmap(self.image, self.lighting, options, probe=self.probe, overwrite=consume)
+            return encode_envmap(self.image, self.lighting, options, probe=self.probe)
 
-    def write(
-        self, path: str | os.PathLike[str], options: FileOptions = DEFAULT_FILE, *, consume: bool = False
-    ) -> None:
+    def write(self, path: str | os.PathLike[str], options: FileOptions = DEFAULT_FILE) -> None:
         """Write the map to a file, which it replaces when it is whole.
 
         Args:
             path: ends in .exr, .hdr or .png, which says the format.
             options: how the file is written.
-            consume: whether the image's memory may be used; the image is then worthless.
 
         Raises:
             EnvironmentMapError: the path ends otherwise, or cannot be written.
             ParameterError: the format does not take the options.
         """
         with trace_step("encode"):
-            write_envmap(path, self.image, self.lighting, options, probe=self.probe, overwrite=consume)
+            write_envmap(path, self.image, self.lighting, options, probe=self.probe)
 
 
 def render_map(

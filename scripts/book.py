@@ -25,6 +25,8 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "docs/do/engines.md": 600,
     "docs/do/other-programs.md": 400,
     "docs/do/blender-extension.md": 250,
+    "docs/do/assistants.md": 250,
+    "docs/do/sun-study.md": 230,
     "docs/do/many-photos.md": 250,
     "docs/do/several-photos.md": 350,
     "docs/do/clips.md": 460,
@@ -39,7 +41,7 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "lighting/data/MODEL_CARD.md": 600,
     "export/README.md": 750,
 }
-MOST_WORDS = 9550  # of all of them but `export/README.md`, which is no page of the book
+MOST_WORDS = 10030  # of all of them but `export/README.md`, which is no page of the book
 BESIDE = ("SECURITY.md", "CONTRIBUTING.md", "examples/CREDITS.md")  # pages without a budget, whose sentences are short
 MEAN_SENTENCE, LONGEST_SENTENCE = 15, 30  # words
 _FIGURES = {

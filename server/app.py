@@ -77,8 +77,6 @@ def _add_routes(app: FastAPI, service: Service) -> None:
     responses = problems.problem_responses(400, 403, 421, 422, 431, *statuses)
     app.include_router(routes.router, dependencies=dependencies, responses=responses)
     app.include_router(job_routes.router, dependencies=dependencies, responses=responses)
-    app.include_router(routes.inference_router, dependencies=dependencies)
-    app.include_router(routes.inference_health_router)
     app.include_router(routes.operations_router)
     app.include_router(_router)
     app.include_router(pages.make_page_router(photo=service.settings.opened_photo))

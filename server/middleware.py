@@ -39,7 +39,7 @@ SECURITY_HEADERS = {
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
 
-_UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics", "/v2/health/live", "/v2/health/ready")
+_UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics")
 _SHUTDOWN_DETAIL = "The service shut down before this request was finished; send it again."
 _UNMATCHED_ROUTE = "unmatched"  # label of requests that match no route
 _LABELED_METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one

@@ -40,6 +40,8 @@ _CHAPTERS = {  # pages of docs/ in the order of the contents; a chapter's other 
         "do/engines.md",
         "do/other-programs.md",
         "do/blender-extension.md",
+        "do/assistants.md",
+        "do/sun-study.md",
         "do/many-photos.md",
         "do/several-photos.md",
         "do/clips.md",

@@ -20,7 +20,6 @@ from lighting.fields import parameter_name
 from lighting.records import Json
 from server.limits import BusyError, ShareTakenError, TooManyUploadsError
 
-INFERENCE_PREFIX = "/v2"  # of the routes of the Open Inference Protocol
 MEDIA_TYPE = "application/problem+json"
 RETRY_SECONDS = "1"
 MAX_ERRORS = 20  # that a response names: a body of 64 kB can have 30,000
@@ -244,9 +243,10 @@ _CODE_BY_TYPE = {  # of our own checks in server/field_types.py and server/query
     "even": ErrorCode.OUT_OF_RANGE,
     "pair": ErrorCode.CONTRADICTION,
 }
-_REMOVED_ROUTES = {  # by path: what to use instead
+_REMOVED_ROUTES = {  # by path, or its beginning: what to use instead
     "/healthz": "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
     "/v1/stereo/plan": "GET /v1/stereo/plan was removed; run the command `lighting stereo plan`, which plans the same.",
+    "/v2": "The routes of the Open Inference Protocol were removed; send the photo to POST /v1/lighting.",
 }
 _FOREIGN_ROUTES = {  # by the last part of a path, what does its work here
     **dict.fromkeys(("estimate", "predict", "analyze", "upload", "photo", "sun", "light"), "POST /v1/lighting"),
@@ -322,8 +322,6 @@ def _response(request: Request, error: ProblemError) -> Response:
     """The response with a problem, whose name goes into the scope for the log."""
     request.scope["problem"] = error.kind.name
     body = _body(error.kind, error.detail, quote(request.scope["path"]), request.scope.get("request_id", ""))
-    if f"{route_path(request.scope)}/".startswith(f"{INFERENCE_PREFIX}/"):
-        body["error"] = error.detail  # where clients of the Open Inference Protocol look for it
     return Response(_json({**body, **error.more}), error.kind.status, error.headers, MEDIA_TYPE)
 
 
@@ -472,8 +470,10 @@ async def problem_response(request: Request, error: Exception) -> Response:
     """
     problem = _problem_of(request, error)
     _locate_form_parameters(request, problem)
-    if problem.kind is NOT_FOUND and (instead := _REMOVED_ROUTES.get(route_path(request.scope))):
-        problem = ProblemError(REMOVED, instead)
+    path = f"{route_path(request.scope)}/"
+    if problem.kind is NOT_FOUND:
+        removed = (instead for route, instead in _REMOVED_ROUTES.items() if path.startswith(f"{route}/"))
+        problem = next((ProblemError(REMOVED, instead) for instead in removed), problem)
     if problem.kind is METHOD_NOT_ALLOWED:
         problem.headers = _allow_header(request, (problem.headers or {}).get("Allow", ""))
         if allowed := problem.headers.get("Allow"):

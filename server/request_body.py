@@ -179,11 +179,6 @@ class RequestBody:
         self._refuse_encoding()
         return await self._within_limits(lambda: self._read_all(min(self.limits.max_bytes, MAX_RECORD_BYTES)))
 
-    async def inference(self) -> bytes:
-        """The bytes of a request of the Open Inference Protocol; raises ProblemError."""
-        self._refuse_encoding()
-        return await self._within_limits(lambda: self._read_all(self.limits.max_bytes))
-
     def _refuse_encoding(self) -> None:
         """Raise ProblemError for a compressed body, which would look like a damaged photo."""
         coding = self.request.headers.get("content-encoding", "").strip().lower()

@@ -1,10 +1,6 @@
 """The routes: each reads its parameters, has the work done and makes the response.
 
-The API, version 1; the routes for operators; and the Open Inference Protocol, version 2, by which Triton, KServe and
-their clients ask: one photo in, its record out. There the photo is the input `photo`, one element of BYTES in the
-protocol's binary form. A JSON header comes first; the header Inference-Header-Content-Length says how long it is.
-Behind it come the element's length in four bytes and the element. The output `lighting` is one element of BYTES, the
-JSON record of POST /v1/lighting.
+The API, version 1, and the routes for operators.
 """
 
 import json
@@ -17,9 +13,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
-from pydantic_core import from_json
 
-from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
 from lighting.model import METRICS
 from lighting.records import Json, Lighting, ModelSpec
@@ -27,8 +21,8 @@ from lighting.registration import two_view
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from lighting.version import __version__
-from server import problems, responses, tasks
 from server import query_params as queries
+from server import responses, tasks
 from server.dependencies import (
     RESULT_TAG,
     AdmissionDep,
@@ -39,7 +33,7 @@ from server.dependencies import (
     UploadsDep,
     tag_bytes,
 )
-from server.problems import INFERENCE_PREFIX, ProblemError, invalid_field_error, problem_responses
+from server.problems import problem_responses
 from server.query_params import (
     EnvmapQuery,
     GroundQuery,
@@ -56,14 +50,6 @@ from server.query_params import (
 )
 from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, FormRoute
 from server.schemas import LightingEstimate, LightingEstimates, LitSpot, ModelCard, Status
-from server.tracing import SERVICE_NAME
-
-_LENGTH_HEADER = "Inference-Header-Content-Length"
-_LENGTH_BYTES = 4  # before each element
-_MAX_DIGITS = 12  # of a length in a header
-_INPUT, _OUTPUT = "photo", "lighting"
-
-_VERSIONED = "/{name}/versions/{version}"
 
 _BINARY_SCHEMA = {"type": "string", "format": "binary"}
 _PARAMETERS_SCHEMA = {"type": "string", "description": "any parameter of the URL, in the form instead"}
@@ -114,10 +100,6 @@ class _TaggedRoute(FormRoute):
 
 router = APIRouter(prefix="/v1", tags=["lighting"], route_class=_TaggedRoute)
 operations_router = APIRouter(tags=["operations"])
-inference_health_router = APIRouter(prefix=INFERENCE_PREFIX, include_in_schema=False)
-inference_router = APIRouter(
-    prefix=f"{INFERENCE_PREFIX}/models", include_in_schema=False, dependencies=[Depends(refuse_parameters)]
-)
 
 
 def _body(content: Json) -> Json:
@@ -350,85 +332,6 @@ async def _readyz(service: ServiceDep) -> Status:
 async def _metrics(service: ServiceDep) -> Response:
     """Requests, times, queues, bytes and connections, as text."""
     return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
-
-
-@inference_health_router.get("/health/live")
-async def _answer_live() -> Response:
-    """200 while the process runs, as /livez."""
-    return Response()
-
-
-@inference_health_router.get("/health/ready")
-async def _answer_ready(service: ServiceDep) -> Response:
-    """200 where a photo would be taken, else 503, as /readyz."""
-    return Response(status_code=200 if service.find_fault() is None else 503)
-
-
-@inference_health_router.get("")
-async def _describe_service() -> JSONResponse:
-    """The service's metadata."""
-    return JSONResponse({"name": SERVICE_NAME, "version": __version__, "extensions": ["binary_tensor_data"]})
-
-
-@inference_router.get("/{name}/ready")
-@inference_router.get(f"{_VERSIONED}/ready")
-async def _answer_model_ready(service: ServiceDep, name: str, version: str | None = None) -> Response:
-    """The same for the model, by its name."""
-    _check_model(service, name, version)
-    return await _answer_ready(service)
-
-
-@inference_router.get("/{name}")
-@inference_router.get(_VERSIONED)
-async def _describe_inference(service: ServiceDep, name: str, version: str | None = None) -> JSONResponse:
-    """The model's metadata: input and output."""
-    spec = _check_model(service, name, version)
-    tensors = ({"name": tensor, "datatype": "BYTES", "shape": [1]} for tensor in (_INPUT, _OUTPUT))
-    inputs, outputs = ([tensor] for tensor in tensors)
-    described: Json = {"name": spec.name, "versions": [spec.version], "platform": "onnx"}
-    return JSONResponse({**described, "inputs": inputs, "outputs": outputs})
-
-
-@inference_router.post("/{name}/infer")
-@inference_router.post(f"{_VERSIONED}/infer")
-async def _infer(request: Request, admission: AdmissionDep, name: str, version: str | None = None) -> JSONResponse:
-    """The record of a photo."""
-    spec = _check_model(admission.service, name, version)
-    header, photo = _parse_request(await admission.body.inference(), request.headers.get(_LENGTH_HEADER, ""))
-    query = LightingQuery()
-    answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
-    record = responses.estimate_to_json(request, answer, query)
-    output = {"name": _OUTPUT, "datatype": "BYTES", "shape": [1], "data": [json.dumps(record)]}
-    named = {"id": header["id"]} if isinstance(header.get("id"), str) else {}
-    return JSONResponse({"model_name": spec.name, "model_version": spec.version, **named, "outputs": [output]})
-
-
-def _check_model(service: Service, name: str, version: str | None) -> ModelSpec:
-    """The network's spec; ProblemError for another name or version."""
-    spec = service.estimator.model.spec
-    if name != spec.name:
-        raise ProblemError(problems.NOT_FOUND, f"There is no model of this name; the model is {spec.name}.")
-    if version not in (None, spec.version):
-        raise ProblemError(problems.NOT_FOUND, f"There is no such version; the model has {spec.version}.")
-    return spec
-
-
-def _parse_request(body: bytes, length: str) -> tuple[Json, bytes]:
-    """The JSON header of a request, and the photo behind it; ProblemError for another body."""
-    if not length.isdecimal() or len(length) > _MAX_DIGITS or int(length) > len(body):
-        detail = f"Send the photo as binary data after the JSON, and the JSON's length as {_LENGTH_HEADER}."
-        raise ProblemError(problems.UNREADABLE_BODY, detail)
-    try:
-        header = from_json(body[: int(length)])  # which refuses half a character, and what is nested too deep
-        (tensor,) = header["inputs"]
-        fits = (tensor["name"], tensor["datatype"], tensor["shape"]) == (_INPUT, "BYTES", [1])
-    except (ValueError, TypeError, KeyError) as error:
-        raise ProblemError(problems.UNREADABLE_BODY, "The JSON of the request has no one input.") from error
-    data = body[int(length) :]
-    if not fits or len(data) < _LENGTH_BYTES or int.from_bytes(data[:4], "little") != len(data) - _LENGTH_BYTES:
-        detail = f"The request needs one input {_INPUT} of datatype BYTES and shape [1], as binary data."
-        raise invalid_field_error("inputs", detail, "body", ErrorCode.WRONG_TYPE)
-    return header, data[_LENGTH_BYTES:]
 
 
 def _map_response(data: bytes, query: queries.MapQuery, headers: dict[str, str] | None = None) -> Response:

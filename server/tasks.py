@@ -11,12 +11,12 @@ from lighting.envmap.relighting import light_of_map
 from lighting.envmap.shadow_mask import ground_shadow_mask
 from lighting.envmap.surroundings import surroundings_gain
 from lighting.errors import PhotoError
-from lighting.files import encode_jpeg, encode_png
+from lighting.files import encode_jpeg
+from lighting.files.deflate import encode_png
 from lighting.ground import draw_ground_mask, find_lit_spot
 from lighting.light_probe import compute_light_probe, encode_light_probe
 from lighting.photo.reader import TARGET, Photo
 from lighting.photo_estimate import Estimate
-from lighting.preview.picture import encode_preview_png
 from lighting.records import Lighting
 from lighting.rendered_map import render_map
 from lighting.scene.records import Scene, make_scene
@@ -116,7 +116,7 @@ def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery) -> bytes:
     """
     rendered = render_map(lighting, query.view())
     check_cancelled()
-    return rendered.encode(query.file_options(), consume=True)
+    return rendered.encode(query.file_options())
 
 
 def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQuery) -> bytes:
@@ -129,7 +129,7 @@ def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQ
     """
     rendered = _edited_estimate(service, data, query).render(query.view())
     check_cancelled()
-    return rendered.encode(query.file_options(), consume=True)
+    return rendered.encode(query.file_options())
 
 
 def _estimate_photo(service: Service, data: bytes, query: queries.UserInputQuery) -> Estimate:
@@ -195,7 +195,7 @@ def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -
     """
     picture = _estimate_photo(service, data, query).preview(query.view())
     with trace_step("encode"):
-        return encode_preview_png(np.asarray(picture))
+        return encode_png(np.asarray(picture))
 
 
 def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> bytes:

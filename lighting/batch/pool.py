@@ -47,6 +47,7 @@ FOREIGN_MAP = "A file in the results has the name of the photo's map, and is non
 _AHEAD = 2  # items that a worker holds, so that it never waits for the next one
 _ATTEMPTS = 2  # workers that an item may kill before it is given up
 _READY = "ready"
+_STALE_SECONDS = 3600.0  # since a temporary file was last written to
 
 
 @contextmanager
@@ -111,13 +112,16 @@ def run_pool(job: jobs.BatchJob, names: Sequence[str], journal: Journal, workers
 
 
 def _remove_temporaries(job: jobs.BatchJob, names: Sequence[str]) -> None:
-    """Remove what killed runs left unfinished under temporary names: the batch that holds the journal is alone here."""
+    """Remove what killed runs left unfinished under temporary names, unless a running command may be writing it."""
     files = {Path(job.out, name) for name in (SETTINGS, JOURNAL, TABLE)}
     folders = {name.rpartition("/")[0] for name in names} if job.maps else set()
     maps = {Path(job.out, folder, job.maps.file_name("map")) for folder in folders} if job.maps else set()
     targets = (file for file in files | maps if not file.is_symlink())  # a link may lead to where others write
+    now = Path(job.out, SETTINGS).stat().st_mtime  # just written; by the clock that gave the others their times
     for path in (temporary for file in targets for temporary in stale_temporaries(file)):
-        path.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # its command has ended
+            if path.lstat().st_mtime < now - _STALE_SECONDS:
+                path.unlink()
 
 
 def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool, list[Step]]]:
@@ -147,7 +151,7 @@ def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOutput) -> str
         if path.is_file() and not is_own_map(path.open("rb")):
             return FOREIGN_MAP
         assert answer.rendered is not None
-        answer.rendered.write(path, maps.file, consume=True)
+        answer.rendered.write(path, maps.file)
     except (EnvironmentMapError, OSError) as error:
         cause = error if isinstance(error, OSError) else error.__cause__
         if isinstance(cause, OSError) and cause.errno in MAP_NAME_ERRORS:

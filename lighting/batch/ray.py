@@ -249,6 +249,6 @@ def _write_map(job: jobs.BatchJob, name: str, answer: jobs.PhotoLight) -> str | 
         return FOREIGN_MAP
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
     with filesystem.open_output_stream(f"{target}.part") as stream:
-        stream.write(answer.rendered.encode(job.maps.file, consume=True))
+        stream.write(answer.rendered.encode(job.maps.file))
     filesystem.move(f"{target}.part", target)
     return None

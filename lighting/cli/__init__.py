@@ -25,6 +25,7 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
     "scene": "scene",
     "estimate": "estimate",
     "render": "envmap",
+    "day": "day",
     "light-probe": "envmap",
     "info": "info",
     "batch": "batch",
@@ -32,6 +33,7 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
     "probe": "probe",
     "stereo": "stereo",
     "serve": "serve",
+    "mcp": "serve",
     "doctor": "info",
 }
 

@@ -259,19 +259,19 @@ def _make_parent(name: str) -> None:
 def _write_map(output: str, rendered: "RenderedMap", file: FileOptions) -> None:
     """Write a map to a file, or to stdout for "-"."""
     if output == "-":
-        console.write_bytes(output, rendered.encode(file, consume=True))
+        console.write_bytes(output, rendered.encode(file))
     else:
-        rendered.write(output, file, consume=True)
+        rendered.write(output, file)
 
 
 def _write_preview(output: str, estimate: "Estimate", view: MapOptions, *, candidates: bool = False) -> None:
     """Draw a photo, its light and three spheres lit by it, as a PNG's file; "-" is stdout."""
     import numpy as np
 
-    from lighting.preview.picture import encode_preview_png
+    from lighting.files.deflate import encode_png
 
     picture = estimate.preview_candidates(view) if candidates else estimate.preview(view)
-    console.write_bytes(output, encode_preview_png(np.asarray(picture)))
+    console.write_bytes(output, encode_png(np.asarray(picture)))
 
 
 def _import_renderer() -> None:

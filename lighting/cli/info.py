@@ -170,6 +170,7 @@ _EXTRAS = (  # what is optional: the module, what it is for, and how it is insta
     ("rawpy", "rawpy", "RAW photos", install_command("all")),
     ("scipy", "SciPy", "measured skies and photometric stereo", install_command("all")),
     ("pyarrow", "PyArrow", "Parquet", install_command("all")),
+    ("mcp", "MCP", "assistants, by `lighting mcp`", install_command("mcp")),
     ("ray", "Ray", "batches on several machines", install_command("ray")),
     ("torch", "PyTorch", "training", install_command("train")),
     ("bpy", "bpy", ".blend files", "pip install bpy"),

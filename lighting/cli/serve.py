@@ -1,4 +1,4 @@
-"""The commands that start the service, as a process of its own: `open` with a browser, `serve` without."""
+"""The commands that start a service, as a process of its own: `open` with a browser, `serve` without, `mcp`."""
 
 import errno
 import json
@@ -9,8 +9,9 @@ import subprocess
 import sys
 import time
 import webbrowser
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, suppress
+from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import quote
 
@@ -19,7 +20,7 @@ import click
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import check_photo_file, escape_path
-from lighting.errors import PhotoError
+from lighting.errors import MissingExtraError, PhotoError
 from lighting.files import escape_undecodable
 
 _LOOPBACK, _PORT = "127.0.0.1", 8000  # where the service listens, if nothing else is said
@@ -122,6 +123,38 @@ def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> No
     raise SystemExit(_run_service(settings, report))
 
 
+@cli.command(
+    "mcp",
+    epilog="""
+    lighting mcp photos/                                # prints what to put into an assistant's settings
+    lighting mcp photos/ shots/ --json > lighting.json  # into a file
+    lighting mcp photos/ < /dev/null                    # serves, as an assistant starts it
+    """,
+)
+@click.argument("folders", nargs=-1, required=True, metavar="FOLDER...", type=common.FileName())
+@click.option("--json", "as_json", is_flag=True, help="Print the settings, also where nobody reads them.")
+@click.option("-q", "--quiet", is_flag=True, help="No words beside the settings.")
+def _mcp(folders: tuple[str, ...], as_json: bool, quiet: bool) -> None:
+    """Serve assistants by the Model Context Protocol.
+
+    Its tools read and write below each FOLDER alone, and fetch nothing. Assistants start it and use stdin and stdout.
+    In a terminal it prints what to put into the assistant's settings.
+    """
+    for folder in folders:
+        if not Path(folder).is_dir():
+            raise click.UsageError(f"There is no folder {escape_path(folder)}.")
+    if find_spec("mcp") is None:
+        raise MissingExtraError.of("Assistants need the package mcp", "mcp")
+    paths = [str(Path(folder).resolve()) for folder in folders]
+    if as_json or sys.stdin.isatty():
+        if not quiet:
+            click.echo("Assistants start this command. Put this into the settings of yours:", err=True)
+        entry = {"command": sys.executable, "args": ["-P", "-m", "lighting", "mcp", *paths]}
+        click.echo(json.dumps({"mcpServers": {"lighting": entry}}, indent=2))
+        return
+    raise SystemExit(_run_service({}, module="server.mcp_server", arguments=paths))
+
+
 def _check_head(photo: str) -> None:
     """Raise an error for what is no photo by its first bytes: the page would say so only later."""
     from lighting.photo.formats import HEAD_BYTES, begins_as_photo, unreadable_sentence
@@ -202,13 +235,19 @@ def _wait_until_listening(process: "subprocess.Popen[bytes]", host: str, port: i
 
 
 def _run_service(
-    settings: Mapping[str, str], when_started: Callable[["subprocess.Popen[bytes]"], None] | None = None
+    settings: Mapping[str, str],
+    when_started: Callable[["subprocess.Popen[bytes]"], None] | None = None,
+    *,
+    module: str = "server",
+    arguments: Sequence[str] = (),
 ) -> int:
-    """Run `python -m server` to its end, and hand it the signals that this process gets.
+    """Run a module of the service to its end, and hand it the signals that this process gets.
 
     Args:
         settings: variables of its environment.
         when_started: is called once the process runs; None calls nothing.
+        module: its full name.
+        arguments: of its command line.
 
     Returns:
         Its exit status; 128 and a signal's number where that ended it.
@@ -216,7 +255,8 @@ def _run_service(
     search_path = os.pathsep.join(filter(None, sys.path))  # the service of this installation, whatever the folder
     environment = {**os.environ, "PYTHONPATH": search_path, **settings}
     group = 0 if os.name == "posix" else None  # one of its own, so that Ctrl-C comes once, from here
-    with subprocess.Popen([sys.executable, "-P", "-m", "server"], env=environment, process_group=group) as process:
+    command = [sys.executable, "-P", "-m", module, *arguments]
+    with subprocess.Popen(command, env=environment, process_group=group) as process:
         try:
             _forward_signals(process)
             if when_started:

@@ -14,7 +14,8 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path, write_bytes
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
 from lighting.errors import ErrorCode, ParameterError
-from lighting.files import encode_png, escape_undecodable, output_folder_error
+from lighting.files import escape_undecodable, output_folder_error
+from lighting.files.deflate import encode_png
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:

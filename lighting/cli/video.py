@@ -14,7 +14,7 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
 from lighting.cli.photos import lights_status
-from lighting.files import escape_undecodable, output_folder_error
+from lighting.files import escape_undecodable, join_words, output_folder_error
 from lighting.map_options import Around
 from lighting.scene import EXPORTERS, animated_tools
 
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from lighting.records import Json, Lighting
     from lighting.video.output import VideoResult
     from lighting.video.shot import Shot
+
+
+_TOLD = 5  # maps that were removed are named, of more their number
 
 
 def _curves() -> tuple[str, ...]:
@@ -142,6 +145,7 @@ def _result_record(clip: str, folder: Path, result: "VideoResult") -> "Json":
         for shot in result.shots
     ]
     record = {"file": escape_undecodable(clip), "output": escape_undecodable(str(folder)), "shots": shots}
+    record |= {"removed": list(result.removed)} if result.removed else {}
     return record | ({"damage": result.damage} if result.damage else {})
 
 
@@ -172,6 +176,10 @@ def _report(clip: str, result: "VideoResult", quiet: bool) -> None:
             click.echo(f"{name}: {_format_shot(number, shot)}")
             for warning in result.warnings(number):
                 click.echo(f"Warning: {name}: {warning}", err=True)
+    if result.removed:
+        others = len(result.removed) - _TOLD
+        names = join_words([*result.removed[:_TOLD], *([f"{others} more"] if others > 0 else [])], "and")
+        click.echo(f"{name}: removed maps of an earlier run: {names}.", err=True)
     if result.damage:
         click.echo(f"Error: {name}: {result.damage}", err=True)
 

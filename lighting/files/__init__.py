@@ -40,13 +40,13 @@ class _MapFormat:
     """How environment maps are written in one format."""
 
     write: Callable[..., None]
-    """(target, image, lighting); `compression`, `overwrite`, `probe` and `colors` where it takes them."""
+    """(target, image, lighting); `compression`, `probe` and `colors` where it takes them."""
     media_type: str
     """By which HTTP names it."""
     read: Callable[[bytes], "Image"] | None = None
     """The linear pixels (H, W, 3); None where a file holds none."""
     takes_compression: bool = False
-    """Whether a file may be packed in several ways, and the packing may use the image's memory."""
+    """Whether a file may be packed in several ways."""
     has_header: bool = False
     """Whether files hold lighting and probe, and say in which colours they are."""
 
@@ -78,17 +78,14 @@ def _read_hdr(data: bytes) -> "Image":
 def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | None") -> None:
     """The map as the photo's exposure shows it, clipped at white."""
     import numpy as np
-    from PIL import Image
-    from PIL.PngImagePlugin import PngInfo
 
     from lighting.color import tone_map
+    from lighting.files.deflate import encode_png
     from lighting.files.exr import SOFTWARE, check_envmap, open_target, row_bands
 
     rows = [tone_map(band) for band in row_bands(check_envmap(image))]
-    picture, mark = Image.fromarray(np.concatenate(rows)), PngInfo()
-    mark.add_text("Software", SOFTWARE)
     with open_target(target) as stream:
-        picture.save(stream, format="png", pnginfo=mark)
+        stream.write(encode_png(np.concatenate(rows), {"Software": SOFTWARE}))
 
 
 MAP_FORMATS: dict[str, _MapFormat] = {  # by the suffix of a file, without its dot
@@ -165,7 +162,6 @@ def write_envmap(
     options: FileOptions = DEFAULT_FILE,
     *,
     probe: "LightProbe | None" = None,
-    overwrite: bool = False,
 ) -> None:
     """Write a map to a path in the format of its suffix. The path appears only when the file is whole.
 
@@ -175,13 +171,12 @@ def write_envmap(
         lighting: for the header of an EXR; None: without.
         options: how the file is written.
         probe: the map's, for the header of an EXR; None: without.
-        overwrite: whether an EXR may use the image's memory; the image is then worthless.
 
     Raises:
         EnvironmentMapError: another suffix or shape, or a path that cannot be written.
         ParameterError: the format does not take the options.
     """
-    _write_map(target, image, lighting, options.for_path(target), probe, overwrite=overwrite)
+    _write_map(target, image, lighting, options.for_path(target), probe)
 
 
 def encode_envmap(
@@ -190,7 +185,6 @@ def encode_envmap(
     options: FileOptions = DEFAULT_FILE,
     *,
     probe: "LightProbe | None" = None,
-    overwrite: bool = False,
 ) -> bytes:
     """The bytes of a file that holds a map; raises as `write_envmap`.
 
@@ -199,10 +193,9 @@ def encode_envmap(
         lighting: for the header of an EXR; None: without.
         options: how the file is written.
         probe: the map's, for the header of an EXR; None: without.
-        overwrite: whether an EXR may use the image's memory; the image is then worthless.
     """
     buffer = io.BytesIO()
-    _write_map(buffer, image, lighting, options, probe, overwrite=overwrite)
+    _write_map(buffer, image, lighting, options, probe)
     return buffer.getvalue()
 
 
@@ -212,11 +205,9 @@ def _write_map(
     lighting: "Lighting | None",
     options: FileOptions,
     probe: "LightProbe | None",
-    *,
-    overwrite: bool,
 ) -> None:
     entry = MAP_FORMATS[options.format]
-    packed = {"compression": options.compression, "overwrite": overwrite} if entry.takes_compression else {}
+    packed = {"compression": options.compression} if entry.takes_compression else {}
     headed = {"probe": probe, "colors": options.colors} if entry.has_header else {}
     entry.write(target, image, lighting, **packed, **headed)
 
@@ -347,20 +338,6 @@ def _create_beside(final: Path, suffix: str) -> Path:
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(final)) from error
     return path
-
-
-def encode_png(pixels: "NDArray[np.uint8]", compress_level: int = 6) -> bytes:
-    """The bytes of a PNG.
-
-    Args:
-        pixels: (H, W, 3 or 4) sRGB, or (H, W) of one channel.
-        compress_level: 0 fast to 9 small.
-    """
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "PNG", compress_level=compress_level)
-    return buffer.getvalue()
 
 
 def encode_jpeg(pixels: "NDArray[np.uint8]", quality: int) -> bytes:

@@ -8,6 +8,9 @@ of a Lighting that is not None, with the names and units of fields.py; `lighting
 `light_probe.lux` and `light_probe.kelvin` of its main light.
 
 docs/lab/performance.md says which programs opened which files, how long they take and how large they are.
+
+References:
+    [1] OpenEXR File Layout, https://openexr.com: scan lines in chunks of 16 rows, with a table of their offsets.
 """
 
 import ctypes
@@ -29,6 +32,7 @@ from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec70
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.files import atomic_write
+from lighting.files.deflate import deflate, limit_packing_threads, pack_in_threads
 from lighting.records import Lighting, check_lighting, record_with_coefficients
 from lighting.runtime import available_cpus
 from lighting.version import __version__
@@ -47,21 +51,12 @@ _WHOLE_PICTURES = ("combined", "beauty", "rgba", "rgb")  # names of layers that 
 COMPRESSIONS = {"zip": "ZIP_COMPRESSION", "pxr24": "PXR24_COMPRESSION", "none": "NO_COMPRESSION"}  # OpenEXR's names
 _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
 
+_LAYOUT = frozenset({"compression", "type", "lineOrder", "channels"})  # attributes by which chunks lie otherwise
 _MAX_HALF = 65504.0  # the largest half float
 _MIN_ROW_MEAN = 2.0**-12  # of a row of half floats, beside which their steps of 2^-24 do not count
-_TEXTURE_BITS = {20: 4, 110: 5}  # of the 10 of a half float that are dropped from a second difference [ulp] on
-_LACKED_BITS = np.uint32(23 - 10)  # of a float's mantissa, that a half float has not
-_BELOW_MIDDLE = np.uint32((1 << 23 - 10 - 1) - 1)  # in these, just less than half a step
-_EXPONENT_SCALE = np.float32(2.0**-112)  # brings a float's exponent to that of a half float
-_TEXTURE_ROWS = 256  # of a map from which it has so many pixels that they may be texture
-_MAX_TEXTURE = 0x4C00  # the bits of 16, beyond which lies the sun
-_MOVED_SHARE = 2.0**-5  # of the light of some rows, up to which they get what rounding took from others
-_MANTISSA_BITS = 13  # that `zip` keeps of 32-bit floats, so that a value changes by no more than 1 part in 2^14
-_DROPPED = 23 - _MANTISSA_BITS
-_HALF, _MASK = np.uint32(1 << (_DROPPED - 1)), np.uint32(0xFFFFFFFF << _DROPPED & 0xFFFFFFFF)
-_ROWS = 16  # that are rounded at once
-_THREADS = 4  # beyond which packing gets no faster
-_EFFORT = 1  # of ZIP, 1 to 9: a third less work than OpenEXR's own 4, for a seventh more bytes
+_ROWS = 16  # that ZIP packs together, and that are worked on at once
+_THREADS = 4  # of OpenEXR, beyond which packing gets no faster
+_EFFORT = 1  # of PXR24, 1 to 9: a third less work than OpenEXR's own 4, for a seventh more bytes
 _BUFFER_BYTES = 1 << 20  # written at once; OpenEXR writes each 16 rows, with their offset and size, by themselves
 _NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
 _DEEP = 0x800  # version flag of files with any number of samples a pixel
@@ -87,120 +82,12 @@ def check_exr_compression(compression: str) -> None:
         raise EnvironmentMapError(f"The compression {compression!r} is not known; it must be one of {names}.")
 
 
-def _prepare_compression(
-    image: NDArray[np.float32], compression: str, *, overwrite: bool = False
-) -> tuple[Any, NDArray[np.floating[Any]]]:
-    """OpenEXR's constant of the compression, and the pixels as it is to pack them: rounded by `zip`.
-
-    Args:
-        image: (H, W, 3), contiguous in memory.
-        compression: one of COMPRESSIONS, else EnvironmentMapError.
-        overwrite: whether the result may lie in the image's memory.
-    """
-    check_exr_compression(compression)
-    packing = getattr(_library(), COMPRESSIONS[compression])
-    if compression != "zip":
-        return packing, image
-    if not _fits_half(image):
-        return packing, _round_to_float(image, image if overwrite else np.empty_like(image))
-    if overwrite:  # half as long rows end before those that are still to be read
-        halves = image.reshape(-1).view(np.float16)[: image.size].reshape(image.shape)
-    else:
-        halves = np.empty(image.shape, np.float16)
-    return packing, _round_to_half(image, halves)
-
-
 def _fits_half(image: NDArray[np.float32]) -> bool:
     """Whether half floats hold the light of an image (H, W, 3): none of it is too bright, and no row too dark."""
     if not (image.size and image.min() >= 0 and image.max() <= _MAX_HALF):  # false for NaN
         return False
     means = image.reshape(len(image), -1) @ np.tile(np.eye(3, dtype=np.float32) / image.shape[1], (image.shape[1], 1))
     return bool(((means == 0) | (means >= _MIN_ROW_MEAN)).all())
-
-
-def _round_to_half(image: NDArray[np.float32], rounded: NDArray[np.float16]) -> NDArray[np.float16]:
-    """Half floats (H, W, 3) of an image that fits, into `rounded`; where a large one is textured, they have fewer bits.
-
-    The zeros that this leaves at the end of most numbers are what ZIP packs fast and small. The light that rounding
-    takes from some rows is added to the next.
-    """
-    if len(image) < _TEXTURE_ROWS:
-        rounded[:] = image.astype(np.float16)
-        return rounded
-    missing = np.zeros(3, np.float32)
-    for rows, out in zip(row_bands(image), row_bands(rounded), strict=True):
-        total = np.maximum(rows.sum(axis=0).sum(axis=0), np.float32(1e-9))
-        moved = np.clip(missing / total, -_MOVED_SHARE, _MOVED_SHARE)
-        wanted = rows.reshape(len(rows), -1) * np.tile(1 + moved, rows.shape[1])  # whole rows, which is fastest
-        bits = _half_bits(np.minimum(wanted, np.float32(_MAX_HALF), out=wanted)).reshape(rows.shape)
-        texture = _round_texture(bits)
-        out.view(np.uint16)[:] = bits
-        wanted -= _floats_of_bits(bits.reshape(len(rows), -1))
-        wanted *= texture
-        missing += wanted.sum(axis=0).reshape(-1, 3).sum(axis=0) - moved * total
-    return rounded
-
-
-def _half_bits(values: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """The bits of the nearest half floats, the even ones in the middle, five times as fast as NumPy finds them.
-
-    Of values under 6e-5, some that are nearly in the middle count as being there.
-
-    Args:
-        values: from 0 to _MAX_HALF.
-    """
-    bits = (values * _EXPONENT_SCALE).view(np.uint32)
-    is_odd = (bits >> _LACKED_BITS) & np.uint32(1)
-    bits += is_odd + _BELOW_MIDDLE
-    return (bits >> _LACKED_BITS).astype(np.uint16)
-
-
-def _floats_of_bits(bits: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """The values of half floats from 0 on, given by their bits."""
-    return np.asarray((bits.astype(np.uint32) << _LACKED_BITS).view(np.float32) / _EXPONENT_SCALE)
-
-
-def _round_texture(bits: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """Round half floats (R, W, 3), given by their bits, the more the less they lie between those beside them.
-
-    The steps are as those of an 8-bit photo, or less than half of such a difference. Returned is where
-    (R, 3W) something was rounded.
-
-    Args:
-        bits: changed in place.
-    """
-    curvature = np.abs(np.diff(bits[..., 1].view(np.int16), n=2, axis=1))
-    dropped = np.take(_dropped_bits(), curvature, mode="clip")
-    rows, columns = bits.shape[:2]
-    texture = np.zeros((rows, columns), np.uint16)
-    for first in range(3):  # the middle one of three and those beside it
-        part = texture[:, first : first + columns - 2]
-        np.maximum(part, dropped, out=part)
-    pixels = bits.reshape(rows, -1)
-    mask = np.repeat(texture, 3, axis=1) * (pixels < _MAX_TEXTURE)
-    pixels += (mask + np.uint16(1)) >> np.uint16(1)
-    pixels &= ~mask
-    return np.asarray(mask > 0)
-
-
-@cache
-def _dropped_bits() -> NDArray[np.uint16]:
-    """The bits that are dropped from a second difference on, by _TEXTURE_BITS."""
-    dropped = np.zeros(max(_TEXTURE_BITS) + 1, np.uint16)
-    for least, count in _TEXTURE_BITS.items():
-        dropped[least:] = (1 << count) - 1
-    return dropped
-
-
-def _round_to_float(image: NDArray[np.float32], rounded: NDArray[np.float32]) -> NDArray[np.float32]:
-    """32-bit floats (H, W, 3) of an image with 13 bits of mantissa, into `rounded`; what would be infinite stays."""
-    for rows, out in zip(row_bands(image), row_bands(rounded), strict=True):
-        bits = rows.view(np.uint32) + _HALF
-        bits &= _MASK
-        values = bits.view(np.float32)
-        finite = np.isfinite(values)
-        out[:] = values if finite.all() else np.where(finite, values, rows)
-    return rounded
 
 
 def row_bands(image: NDArray[Any]) -> Iterator[NDArray[Any]]:
@@ -219,13 +106,16 @@ def set_compression_threads(count: int) -> None:
     Args:
         count: of threads, 1 or more.
     """
+    limit_packing_threads(count)
     _library().set_global_thread_count(count if count > 1 else 0)
 
 
 @cache
 def _library() -> Any:
-    """OpenEXR with little effort in ZIP, and a thread for each CPU unless the program has set their number itself."""
-    with suppress(OSError, AttributeError):  # Python's module has no name for it; without it ZIP is as good, but slower
+    """OpenEXR with little effort in PXR24, and a thread for each CPU unless the program has set their number itself."""
+    with suppress(
+        OSError, AttributeError
+    ):  # Python's module has no name for it; without it PXR24 is as good, but slower
         getattr(ctypes.CDLL(OpenEXR.__file__), _SET_EFFORT)(ctypes.c_int(_EFFORT))
     if OpenEXR.global_thread_count() == 0:
         OpenEXR.set_global_thread_count(min(_THREADS, available_cpus()))
@@ -257,24 +147,22 @@ def write_exr(
     compression: str = "zip",
     probe: "LightProbe | None" = None,
     colors: str = "rec709",
-    overwrite: bool = False,
     colours: str | None = None,
 ) -> None:
     """Write a map to a path or a binary stream.
 
-    `zip` writes half floats, or 32-bit floats where half floats do not hold the map. `pxr24` and `none` always write
-    32-bit floats.
+    `zip` writes the nearest half floats, or 32-bit floats where half floats do not hold the map. `pxr24` and `none`
+    always write 32-bit floats.
 
     Args:
         target: a path, where the file appears when it is whole, or a binary stream.
         image: (H, 2H, 3) linear Rec.709.
         lighting: for the header; None: without.
         attributes: more for the header: texts, numbers and what else OpenEXR knows; None: no others.
-        compression: zip, pxr24 or none. `zip` changes a value by up to 5e-4 of itself, amid texture by 0.02. It changes
-            the light by less than 1e-3. `pxr24` changes a value by 1.6e-5, `none` by nothing.
+        compression: zip, pxr24 or none. `zip` packs without loss: half floats differ from the map by up to 5e-4 of a
+            value, 32-bit floats by nothing. `pxr24` changes a value by 1.6e-5, `none` by nothing.
         probe: the map's light probe, for the header; None: without.
         colors: primaries of the file: rec709, acescg or linear-p3. Lighting and probe stay in Rec.709.
-        overwrite: whether the image's memory may be used; large maps then need less, and the image is worthless.
         colours: the old name of `colors`; warns of it.
 
     Raises:
@@ -291,11 +179,10 @@ def write_exr(
         warn_of_old_name("lighting.write_exr.colours")
         colors = colours
     chromaticities, interop_id = _color_space(colors)
-    packing, pixels = _prepare_compression(
-        _convert_colors(check_envmap(image), colors), compression, overwrite=overwrite
-    )
+    check_exr_compression(compression)
+    pixels = _convert_colors(check_envmap(image), colors)
     header = {
-        "compression": packing,
+        "compression": getattr(OpenEXR, COMPRESSIONS[compression]),
         "type": OpenEXR.scanlineimage,
         "envmap": OpenEXR.ENVMAP_LATLONG,
         "chromaticities": chromaticities,
@@ -308,20 +195,61 @@ def write_exr(
     if attributes:
         _check_attributes(attributes)
         _try_attributes(header)
-    file = OpenEXR.File(header, {"RGB": pixels})
+    own = compression == "zip" and not _LAYOUT.intersection(attributes or ())
+    write = _write_zip if own else _write_by_library
     if isinstance(target, str | os.PathLike):
         with open_target(target) as stream:
-            file.write(stream)
+            write(stream, header, pixels)
     elif not callable(getattr(target, "write", None)):
         raise EnvironmentMapError(
             f"An EXR is written to a path or a binary stream, not {type(target).__name__}.", code=ErrorCode.WRONG_TYPE
         )
     elif type(target) is io.BytesIO and not target.getbuffer():
-        file.write(target)  # without a copy, during which no other thread of Python runs
-    else:  # OpenEXR seeks backwards, which pipes and files opened for appending cannot
+        write(target, header, pixels)  # without a copy, during which no other thread of Python runs
+    else:  # both seek backwards, which pipes and files opened for appending cannot
         buffer = io.BytesIO()
-        file.write(buffer)
+        write(buffer, header, pixels)
         target.write(buffer.getbuffer())
+
+
+def _write_by_library(stream: BinaryIO, header: _Attributes, pixels: Image) -> None:
+    _library().File(header, {"RGB": pixels}).write(stream)
+
+
+def _write_zip(stream: BinaryIO, header: _Attributes, pixels: Image) -> None:
+    """Write an EXR in ZIP [1] as OpenEXR does, which has no igzip, to an empty stream that can seek."""
+    is_half = _fits_half(pixels)
+    begun = io.BytesIO()
+    OpenEXR.File(header, {"RGB": np.zeros((1, 1, 3), np.float16 if is_half else np.float32)}).write(begun)
+    head = bytearray(begun.getvalue())
+    for name, value in _attributes_at(head):
+        if name in (b"dataWindow", b"displayWindow"):
+            struct.pack_into("<ii", head, value + 8, pixels.shape[1] - 1, len(pixels) - 1)
+    del head[_end_of_header(head) :]
+    starts = range(0, len(pixels), _ROWS)
+    offsets, position = [], len(head) + 8 * len(starts)
+    stream.write(head)
+    stream.write(bytes(8 * len(starts)))
+    chunks = pack_in_threads(lambda start: _zip_rows(pixels[start : start + _ROWS], is_half=is_half), starts)
+    for start, data in zip(starts, chunks, strict=True):
+        offsets.append(position)
+        position += stream.write(struct.pack("<ii", start, len(data))) + stream.write(data)
+    stream.seek(len(head))
+    stream.write(struct.pack(f"<{len(offsets)}Q", *offsets))
+    stream.seek(0, io.SEEK_END)
+
+
+def _zip_rows(rows: Image, *, is_half: bool) -> bytes:
+    """Rows (R, W, 3) as a chunk: B, G and R of each row; every other byte, then the rest; as differences; deflated."""
+    planes = rows[..., ::-1].transpose(0, 2, 1).astype(np.float16 if is_half else np.float32, order="C")
+    raw = planes.view(np.uint8).reshape(-1)
+    halves = raw.reshape(-1, 2).T.reshape(-1)
+    differences = np.empty_like(halves)
+    differences[0] = halves[0]
+    np.subtract(halves[1:], halves[:-1], out=differences[1:])
+    differences[1:] += np.uint8(128)
+    data = deflate(differences)
+    return data if len(data) < raw.size else raw.tobytes()  # as readers tell by its length
 
 
 def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
@@ -604,16 +532,25 @@ def _chunks(data: bytes, table: int) -> NDArray[np.uint64]:
     return offsets[:count]
 
 
-def _end_of_header(data: bytes) -> int:
-    """Position after the attributes: each is a name, a type, both ended by a zero, a length and so many bytes."""
+def _end_of_header(data: bytes | bytearray) -> int:
+    """Position after the attributes."""
+    position = 8
+    for _, value in _attributes_at(data):
+        position = value + struct.unpack_from("<i", data, value - 4)[0]
+    return position + 1
+
+
+def _attributes_at(data: bytes | bytearray) -> Iterator[tuple[bytes, int]]:
+    """Name of each attribute and where its value lies, after a type and a length; name and type end with a zero."""
     position = 8
     while data[position : position + 1] != b"\0":
-        position = data.index(b"\0", data.index(b"\0", position) + 1) + 1
-        (length,) = struct.unpack_from("<i", data, position)
+        middle = data.index(b"\0", position)
+        end = data.index(b"\0", middle + 1)
+        (length,) = struct.unpack_from("<i", data, end + 1)
         if length < 0:
             raise ValueError("negative length")
-        position += 4 + length
-    return position + 1
+        yield bytes(data[position:middle]), end + 5
+        position = end + 5 + length
 
 
 def _convert_colors(linear: NDArray[np.float32], space: str) -> NDArray[np.float32]:

@@ -11,7 +11,6 @@ from PIL import Image
 from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
 from lighting.envmap.projection import photo_camera
 from lighting.fields import format_azimuth, format_side, format_sun_elevation, format_tilt
-from lighting.files import encode_png
 from lighting.files.exr import check_envmap
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
@@ -53,7 +52,6 @@ from lighting.sun_grid import grid_directions
 
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
-_PNG_LEVEL = 2  # a third of the work of 6, for a ninth more bytes
 _MAX_RADIUS = 90.0  # deg: where a tenth of the probability lies farther off, the sun may as well be opposite
 _MIN_DOUBTFUL = 0.25  # probability of direct sunlight from which on its absence is not certain
 _WARNING_LETTERS = 160  # of a line of warnings
@@ -100,15 +98,6 @@ class _Layout:
     envmap: _Box
     spheres: _Box
     cells: list[tuple[int, int]]  # upper left corners of the numbers
-
-
-def encode_preview_png(picture: NDArray[np.uint8]) -> bytes:
-    """A preview as PNG, packed quickly.
-
-    Args:
-        picture: (H, W, 3) sRGB.
-    """
-    return encode_png(picture, compress_level=_PNG_LEVEL)
 
 
 def expose_photo(photo: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:

@@ -679,6 +679,9 @@ def _frame(two: Floats) -> Floats:
 
 def _scores(trials: Floats, a: Floats, b: Floats, tolerance: float) -> Floats:
     """For each rotation (T, 3, 3), how well rays (M, 3) are taken to theirs: each counts up to 1 (MSAC [7])."""
-    rotated = np.einsum("tij,mj->tmi", trials, a)
-    squared_errors = np.sum(np.square(rotated - b), axis=2) / (tolerance * tolerance)
-    return np.asarray(np.sum(np.maximum(1.0 - squared_errors, 0.0), axis=1))
+    products = (b[:, :, None] * a[:, None, :]).reshape(len(a), 9)
+    scores = trials.reshape(-1, 9) @ products.T  # b . R a, by which |R a - b|^2 is 2 - 2 b . R a of unit vectors
+    scores -= 1.0
+    scores *= 2.0 / (tolerance * tolerance)
+    scores += 1.0
+    return np.asarray(np.maximum(scores, 0.0, out=scores).sum(axis=1))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from lighting.color import color_and_intensity, max_channel
 from lighting.envmap.latlong import Image, face_size, level_count, prefilter_cubemap
-from lighting.files import encode_png
+from lighting.files.deflate import encode_png
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.light_probe import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong

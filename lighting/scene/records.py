@@ -153,10 +153,7 @@ class Scene:
     @property
     def sun_matrix(self) -> Floats:
         """Sun to world (4, 4) for column vectors; the sun shines along its own -Z, from the origin."""
-        side = geometry.camera_axes(self.lighting.sun_azimuth, 0.0, 0.0)[0]
-        matrix = np.eye(4)
-        matrix[:3, :3] = np.stack([side, np.cross(self.sun_direction, side), self.sun_direction], axis=1)
-        return matrix
+        return _sun_to_world(self.lighting)
 
     @property
     def shadow(self) -> Floats:
@@ -255,7 +252,36 @@ class CameraMotion:
     """The clip's file, from the scene's folder; empty where the plate stands in its place."""
 
 
-describe_fields(Scene, CameraMotion)
+@dataclass(frozen=True, eq=False)
+class SunPath:
+    """How the sun of a day moves in a scene: N times, from the first to the last."""
+
+    hours: Floats
+    """(N,) hours since midnight."""
+    lights: tuple[Lighting, ...]
+    """(N,) of the times."""
+    maps: dict[float, str]
+    """Names of map files without the sun's disc, by hours since midnight."""
+
+    @property
+    def matrices(self) -> Floats:
+        """(N, 4, 4) sun to world, as `Scene.sun_matrix`."""
+        return np.stack([_sun_to_world(light) for light in self.lights])
+
+    @property
+    def irradiances(self) -> Floats:
+        """(N, 3) RGB, 0 or more, on a surface that faces the sun."""
+        return np.stack([sun_light(light)[0] for light in self.lights])
+
+
+def _sun_to_world(lighting: Lighting) -> Floats:
+    side = geometry.camera_axes(lighting.sun_azimuth, 0.0, 0.0)[0]
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([side, np.cross(lighting.sun_direction, side), lighting.sun_direction], axis=1)
+    return matrix
+
+
+describe_fields(Scene, CameraMotion, SunPath)
 
 
 def make_scene(

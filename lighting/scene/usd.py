@@ -27,7 +27,7 @@ from lighting.geometry import Floats, to_z_up
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
 from lighting.scene.writer import Folder, encode_lit_ground, encode_plate, fill_template, write_shared_files
 
-STAGE, SHOT_STAGE, PACKAGE = "scene.usda", "shot.usda", "scene.usdz"
+STAGE, SHOT_STAGE, DAY_STAGE, PACKAGE = "scene.usda", "shot.usda", "day.usda", "scene.usdz"
 
 ToStage = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
@@ -88,21 +88,7 @@ def animate_usd(motion: records.CameraMotion) -> dict[str, str]:
     """
     samples = _samples(motion.frames, map(_rows, motion.matrices))
     lens = _samples(motion.frames, (f"{length:.6g}" for length in motion.focal_lengths / APERTURE_UNIT))
-    stage = f"""#usda 1.0
-(
-    defaultPrim = "World"
-    endTimeCode = {motion.frames[-1]:.6g}
-    framesPerSecond = {motion.frame_rate:.6g}
-    metersPerUnit = 1
-    renderSettingsPrimPath = "/Render/Settings"
-    startTimeCode = 0
-    subLayers = [@./scene.usda@]
-    timeCodesPerSecond = {motion.frame_rate:.6g}
-    upAxis = "Y"
-)
-
-over "World"
-{{
+    camera = f"""
     over "Camera"
     {{
         float focalLength.timeSamples = {{
@@ -112,9 +98,71 @@ over "World"
 {samples}
         }}
     }}
-}}
 """
-    return {SHOT_STAGE: stage}
+    return {SHOT_STAGE: _overlay(camera, (0.0, motion.frames[-1]), motion.frame_rate)}
+
+
+def animate_usd_sun(path: records.SunPath) -> dict[str, str]:
+    """DAY_STAGE, which lays a day over STAGE: time codes are hours since midnight, and one takes a second.
+
+    Whether the photo's spot lies in shade counts no more: the sun lights all.
+
+    Args:
+        path: of the sun.
+    """
+    colors, intensities = zip(*map(color_and_intensity, path.irradiances), strict=True)
+    maps = _samples(np.array(list(path.maps)), (f"@./{name}@" for name in path.maps.values()))
+    lights = f"""
+    over "Sky"
+    {{
+        asset inputs:texture:file.timeSamples = {{
+{maps}
+        }}
+    }}
+
+    over "Sun"
+    {{
+        color3f inputs:color.timeSamples = {{
+{_samples(path.hours, map(_vector, colors))}
+        }}
+        float inputs:intensity.timeSamples = {{
+{_samples(path.hours, map(_number, intensities))}
+        }}
+        uniform bool collection:lightLink:includeRoot = 1
+        rel collection:lightLink:includes = []
+        uniform bool collection:shadowLink:includeRoot = 1
+        matrix4d xformOp:transform.timeSamples = {{
+{_samples(path.hours, map(_rows, path.matrices))}
+        }}
+    }}
+"""
+    return {DAY_STAGE: _overlay(lights, (path.hours[0], path.hours[-1]), 1.0)}
+
+
+def _overlay(world: str, codes: tuple[float, float], rate: float) -> str:
+    """The text of a stage that lays opinions about the World over STAGE.
+
+    Args:
+        world: of them.
+        codes: first and last time code.
+        rate: of time codes, Hz.
+    """
+    return f"""#usda 1.0
+(
+    defaultPrim = "World"
+    endTimeCode = {codes[-1]:.6g}
+    framesPerSecond = {rate:.6g}
+    metersPerUnit = 1
+    renderSettingsPrimPath = "/Render/Settings"
+    startTimeCode = {codes[0]:.6g}
+    subLayers = [@./scene.usda@]
+    timeCodesPerSecond = {rate:.6g}
+    upAxis = "Y"
+)
+
+over "World"
+{{{world}}}
+"""
 
 
 def _samples(codes: Floats, values: Iterable[str]) -> str:

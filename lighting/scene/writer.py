@@ -20,7 +20,8 @@ from PIL import Image
 
 from lighting.color import SRGB_LINEAR, srgb_bytes
 from lighting.errors import ErrorCode, SceneError
-from lighting.files import encode_envmap, encode_png, output_folder_error
+from lighting.files import encode_envmap, output_folder_error
+from lighting.files.deflate import encode_png
 from lighting.ground import draw_ground_mask
 from lighting.records import record_with_coefficients
 from lighting.scene import ENVIRONMENT, EXPORTERS, GROUND, LIT_GROUND, PLATE, RECORD
@@ -281,7 +282,7 @@ def encode_plate(scene: Scene) -> bytes:
     Args:
         scene: made by `make_scene`.
     """
-    return encode_png(scene.plate, compress_level=3)
+    return encode_png(scene.plate)
 
 
 def encode_lit_ground(scene: Scene, *, movable: bool = False) -> bytes:
@@ -326,7 +327,7 @@ def encode_projected_ground(scene: Scene) -> tuple[bytes, bytes]:
     surface = np.divide(lit[..., None] * photo, white, out=np.zeros_like(photo), where=white > 0.0).clip(0.0, 1.0)
     surface = SRGB_LINEAR.take(srgb_bytes(surface))  # as it is written
     parts = (surface, np.maximum(photo - surface * white, 0.0))
-    albedo, emission = (encode_png(srgb_bytes(part), compress_level=3) for part in parts)
+    albedo, emission = (encode_png(srgb_bytes(part)) for part in parts)
     return albedo, emission
 
 

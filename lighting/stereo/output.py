@@ -11,8 +11,6 @@ Integration: A Survey, JMIV 2018), without one the camera is orthographic.
 
 import json
 import os
-import struct
-import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -23,6 +21,7 @@ from numpy.typing import NDArray
 from lighting.errors import ErrorCode, ParameterError, PhotoError, require_extra
 from lighting.fields import check_location
 from lighting.files import atomic_write
+from lighting.files.deflate import encode_png
 from lighting.files.exr import SOFTWARE
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
@@ -70,19 +69,8 @@ def _encode_pictures(normals: NormalMap, pose: Pose) -> list[tuple[str, Image, F
 
 def _write_png16(target: Path, values: Floats) -> None:
     """Write numbers (H, W, C), C 1 or 3, rounded and cut to 0 to 65535, as a PNG of 16 bits."""
-    height, width, channels = values.shape
-    codes = np.clip(np.round(values), 0, 65535).astype(">u2").reshape(height, -1)
-    rows = codes.view(np.uint8).astype(np.uint8)
-    rows[1:] -= rows[:-1].copy()  # filter 2: less the row above
-    marked = np.concatenate([np.r_[0, np.full(height - 1, 2)].astype(np.uint8)[:, None], rows], axis=1)
-    kind = struct.pack(">IIBBBBB", width, height, 16, 2 if channels == 3 else 0, 0, 0, 0)
-    chunks = (_chunk(b"IHDR", kind), _chunk(b"IDAT", zlib.compress(marked.tobytes(), 6)), _chunk(b"IEND", b""))
     with atomic_write(target) as path:
-        path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
-
-
-def _chunk(kind: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        path.write_bytes(encode_png(np.clip(np.round(values), 0, 65535).astype(np.uint16)))
 
 
 def _write_picture(target: Path, values: Image) -> None:

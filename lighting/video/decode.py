@@ -11,8 +11,9 @@ import re
 from collections.abc import Container, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import timedelta
 from functools import lru_cache
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ from lighting.records import CodedWarning
 from lighting.registration.two_view import import_opencv
 from lighting.tracing import trace_step
 from lighting.video.framing import SAMPLE_SIDE, Framing, find_framing, looks_logarithmic
+from lighting.video.gpmf import SAMPLE_START, read_gps_fix
 from lighting.video.metadata import (
     LOOKS_LOGARITHMIC,
     MAX_SUBTITLE_BYTES,
@@ -201,6 +203,7 @@ _SAMPLES = 10  # frames by which a border and lettering are found
 _MAX_DECODED_GAP = 1.0  # s between them that are decoded rather than skipped
 _MAX_SAMPLED_PICTURES = 400  # that are decoded for them
 _MIN_SAMPLE_LEVEL = 40  # gray levels that a frame reaches which is not black
+_MAX_FIX_SAMPLES = 3600  # of GoPro's track, one a second, in which a fix is sought
 _MAX_MISSING_END = 0.75  # s that may be missing at the end of a whole clip
 
 _FORMATS = (  # FFmpeg's names of what is read: each keeps all it shows in its one file
@@ -391,6 +394,8 @@ class Clip:
         subtitled, gimbal = subtitle_metadata(subtitles, *size)
         metadata = merge_metadata(xml_metadata(xml), container_metadata(tags, *size))
         metadata = merge_metadata(subtitled, metadata)
+        if self._container.streams.data:
+            metadata = merge_metadata(_track_fix(self.path), metadata)
         return replace(shape, metadata=metadata, gimbal=gimbal, warnings=(*warnings, *self.form.framing.warnings))
 
     def _subtitles(self) -> list[Subtitle]:
@@ -434,20 +439,38 @@ def _sample_pictures(path: Path, duration: float) -> Iterator[Any]:
 
 def _track_subtitles(path: Path) -> list[Subtitle]:
     """The subtitles inside a clip, of all its tracks of texts; those read so far where it is damaged."""
-    import av
-
     subtitles: list[Subtitle] = []
     left = MAX_SUBTITLE_BYTES
+    for packet in _packets(path, "subtitle"):
+        left -= packet.size
+        if packet.pts is not None and packet.time_base and left >= 0:
+            text = _subtitle_text(bytes(packet), packet.stream.codec_context.name)
+            subtitles.append((float(packet.pts * packet.time_base), text))
+    return subtitles
+
+
+def _track_fix(path: Path) -> PhotoMetadata:
+    """Satellites' time at the clip's start and the place, by the first fix in GoPro's track; none without one."""
+    packets = (p for p in _packets(path, "data") if p.pts is not None and p.time_base)
+    for packet in islice(packets, _MAX_FIX_SAMPLES):
+        data = bytes(packet)
+        fix = read_gps_fix(data) if data.startswith(SAMPLE_START) else None
+        if fix is not None:
+            time = fix.time and fix.time - timedelta(seconds=float(packet.pts * packet.time_base))
+            return PhotoMetadata(gps_time=time, latitude=fix.latitude, longitude=fix.longitude)
+    return PhotoMetadata()
+
+
+def _packets(path: Path, kind: str) -> Iterator[Any]:
+    """The packets of a clip's streams of one kind, as PyAV calls it; those before the damage where there is some."""
+    import av
+
     with suppress(av.FFmpegError, ValueError), _open_container(path) as container:
-        for stream in (s for s in container.streams if s.type != "subtitle"):
+        wanted = [stream for stream in container.streams if stream.type == kind]
+        for stream in (s for s in container.streams if s.type != kind):
             with suppress(AttributeError):  # of older PyAV, which reads what is not wanted
                 stream.discard = type(stream.discard).all
-        for packet in container.demux(container.streams.subtitles):
-            left -= packet.size
-            if packet.pts is not None and packet.time_base and left >= 0:
-                text = _subtitle_text(bytes(packet), packet.stream.codec_context.name)
-                subtitles.append((float(packet.pts * packet.time_base), text))
-    return subtitles
+        yield from container.demux(wanted)
 
 
 def _subtitle_text(data: bytes, codec: str) -> str:

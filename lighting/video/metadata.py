@@ -1,4 +1,4 @@
-"""How a clip was taken: by its container's tags, by DJI's subtitles in it or beside it, and by Sony's XML beside it.
+"""How a clip was taken: by its container's tags, by DJI's subtitles in it or beside it, and by XML in it or beside it.
 
 All are hostile input: whatever cannot be read, or cannot be true, counts as absent.
 
@@ -8,11 +8,13 @@ tell: with a zone set, GoPro's HERO12 writes UTC, its forerunners did not. `ligh
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+import struct
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -39,6 +41,8 @@ _CAMERA_TAGS = ("major_brand", "compatible_brands", "handler_name", "encoder", "
 _CAMERA_MARKS = re.compile(r"(?i)gopro|\bH[D0-9][0-9.]+|CAEP|canon|niko|pentax|ricoh|olympus|panasonic|fujifilm|casio")
 _PHONE_TAGS = ("com.android.", "com.samsung.", "com.google.")  # how the names of tags begin
 _YEAR_OF_ZERO = 1904
+_METADATA_BOXES = (b"meta", b"udta", b"uuid")
+_MAX_BOXES = 10_000  # at one level of a file, of which fragments have many
 _XML_TIME = re.compile(r'<CreationDate value="([^"]{10,40})"')
 
 _ISO6709 = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?:\.\d+)?)?(?:CRS[^/]*)?/?")
@@ -75,7 +79,9 @@ _LOG_NAMES: dict[str, tuple[str, LogCurve | None]] = {
 }
 _DJI_COLORS = re.compile(r"\bcolor_md\s*:\s*([^\]\[\n]{1,40})")
 _CURVE_TAG = re.compile(r"(?i)gamma|curve|transfer|colou?r|profile|_log")  # in the names of tags that may name one
-_XML_CURVE = re.compile(r'Gamma\w*"\s+value="([^"]{1,40})"|<(?:\w+:)?\w*Gamma\w*(?:\s[^>]*)?>([^<]{1,40})<')
+_XML_ITEM = re.compile(r'name="([^"]{1,60})"\s+value="([^"]{1,60})"')  # of Sony's XML
+_XML_ATTRIBUTE = re.compile(r'([\w:.-]{1,60})\s*=\s*["\']([^"\'<>]{1,60})["\']')
+_XML_ELEMENT = re.compile(r"<([\w:.-]{1,60})(?:\s[^<>]*)?>\s*([^<>]{1,60}?)\s*</")
 _UNDONE = "The clip is in {}, by {}: its curve was undone."
 _NOT_UNDONE = "The clip is in {}, by {}, whose curve is unknown: colors are off."
 LOOKS_LOGARITHMIC = CodedWarning(
@@ -210,12 +216,43 @@ def _seconds(hours: str, minutes: str, seconds: str, thousandths: str) -> float:
 
 
 def read_xml(clip: Path) -> str:
-    """Read the XML that Sony's and Panasonic's cameras write beside a clip; empty without one.
+    """Read the XML of cameras and the XMP of programs that lie beside a clip, then those in an MP4 or MOV.
 
     Args:
         clip: the clip's file.
     """
-    return _read_beside(clip, ("M01.XML", "M01.xml", ".XML", ".xml"), MAX_XML_BYTES)
+    names = ("M01.XML", "M01.xml", ".XML", ".xml"), (f"{clip.suffix}.xmp", ".XMP", ".xmp")
+    beside = (_read_beside(clip, endings, MAX_XML_BYTES) for endings in names)
+    return "\n".join(filter(None, (*beside, _text_of_boxes(clip))))
+
+
+def _text_of_boxes(clip: Path) -> str:
+    """The texts in an MP4's or a MOV's boxes for metadata: Sony's XML, XMP; empty of other files."""
+    try:
+        with clip.open("rb") as file:
+            found = [data for data in _metadata_boxes(file, clip.stat().st_size, 0) if b"<" in data]
+    except (OSError, struct.error):
+        return ""
+    return "\n".join(data.decode("utf-8", errors="replace") for data in found)
+
+
+def _metadata_boxes(file: BinaryIO, end: int, depth: int) -> Iterator[bytes]:
+    """The contents of boxes for metadata, up to where [bytes] the file, or the box around them, ends."""
+    for _ in range(_MAX_BOXES):
+        start = file.tell()
+        header = file.read(8)
+        if len(header) < 8 or not header[4:].strip(b"\xa9").isalnum():
+            return
+        size = int.from_bytes(header[:4], "big")
+        size = struct.unpack(">Q", file.read(8))[0] if size == 1 else size or end - start
+        stop = min(start + size, end)
+        if header[4:] in _METADATA_BOXES and stop - start <= MAX_XML_BYTES:
+            yield file.read(max(0, stop - file.tell()))
+        elif header[4:] == b"moov" and depth == 0:
+            yield from _metadata_boxes(file, stop, depth + 1)
+        if stop <= start:
+            return
+        file.seek(stop)
 
 
 def _read_beside(clip: Path, endings: Sequence[str], max_bytes: int) -> str:
@@ -231,10 +268,10 @@ def _read_beside(clip: Path, endings: Sequence[str], max_bytes: int) -> str:
 
 
 def xml_metadata(text: str) -> PhotoMetadata:
-    """Read the moment of recording, which names its zone, of the XML beside a clip.
+    """Read the moment of recording, which names its zone, of a clip's XML.
 
     Args:
-        text: of that file; may be empty.
+        text: as `read_xml` has it; may be empty.
     """
     found = _XML_TIME.search(text)
     stamp = None if found is None else _possible_stamp(found[1])
@@ -329,12 +366,13 @@ def find_log_curve(tags: Mapping[str, str], subtitles: Sequence[Subtitle], xml: 
     Args:
         tags: of the container, by name.
         subtitles: in the clip or beside it.
-        xml: of the file beside it; may be empty.
+        xml: beside the clip or in it; may be empty.
     """
     of_drone = (found[1] for _, text in subtitles[:1] for found in _DJI_COLORS.finditer(text))
-    beside = (found[1] or found[2] for found in _XML_CURVE.finditer(xml))
+    pairs = (pattern.findall(xml) for pattern in (_XML_ITEM, _XML_ELEMENT, _XML_ATTRIBUTE))
+    beside = (value for name, value in chain.from_iterable(pairs) if _CURVE_TAG.search(name))
     in_tags = (value for name, value in tags.items() if _CURVE_TAG.search(name))
-    sources = (("its subtitles", of_drone), ("the XML beside it", beside), ("its file", in_tags))
+    sources = (("its subtitles", of_drone), ("its XML", beside), ("its file", in_tags))
     for source, text in ((source, text) for source, texts in sources for text in texts):
         plain = re.sub(r"[^a-z0-9]", "", text.lower())
         if (found := next((log for name, log in _LOG_NAMES.items() if name in plain), None)) is not None:
@@ -345,16 +383,18 @@ def find_log_curve(tags: Mapping[str, str], subtitles: Sequence[Subtitle], xml: 
 
 
 def merge_metadata(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata:
-    """Merge two sources of metadata; a time or a location is taken whole.
+    """Merge two sources of metadata; each clock and a location is taken whole.
 
     Args:
         first: what counts.
         second: what counts where `first` says nothing.
     """
     merged = second
-    if first.local_time is not None or first.gps_time is not None:
-        merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset, gps_time=first.gps_time)
+    if first.local_time is not None:
+        merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset)
         merged = replace(merged, utc_probability=first.utc_probability)
+    if first.gps_time is not None:
+        merged = replace(merged, gps_time=first.gps_time)
     if first.latitude is not None:
         merged = replace(merged, latitude=first.latitude, longitude=first.longitude)
     if first.heading is not None:

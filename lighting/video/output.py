@@ -36,7 +36,8 @@ from lighting.envmap.relighting import radiance_gain, rotate_envmap, rotate_ligh
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import ErrorCode, SceneError, VideoError
-from lighting.files import atomic_write, encode_png, escape_undecodable, is_own_map, write_envmap
+from lighting.files import atomic_write, escape_undecodable, is_own_map, write_envmap
+from lighting.files.deflate import encode_png
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
 from lighting.light_probe import compute_light_probe
@@ -388,7 +389,7 @@ class _KeptMap:
         context = shot_map.context
         if context is None:
             return _KeptMap(shot_map, b"")
-        png = encode_png(context.photo, compress_level=1)
+        png = encode_png(context.photo)
         return _KeptMap(replace(shot_map, context=replace(context, photo=context.photo[:1, :1].copy())), png)
 
     def unpack(self) -> _ShotMap:
@@ -439,6 +440,8 @@ class VideoResult:
     # warnings of scenes, the light's too, by shot
     scene_warnings: dict[int, tuple[str, ...]] = field(default_factory=dict)
     """Sentences for people, by the number of the shot, from 0."""
+    removed: tuple[str, ...] = ()
+    """Maps of an earlier run that were removed, relative to the folder."""
 
     @property
     def failed(self) -> bool:
@@ -516,7 +519,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
         result.scene_warnings = _write_scenes(job, kept.maps, rate, form)
     if job.options.film:
         _write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM_FILE, kept.skies, form)
-    _remove_old_maps(job, result, {light.frame for light in lights})
+    result.removed = _remove_old_maps(job, result, {light.frame for light in lights})
     return result
 
 
@@ -555,20 +558,25 @@ def _write_frame_maps(job: VideoJob, shot_map: _ShotMap, lights: Sequence[FrameL
             else:
                 picture = shot_map.turn_to_frame(sky, light)
         with trace_step("encode"):
-            write_envmap(folder / f"{light.frame:06d}.exr", picture, light.lighting, probe=light.probe, overwrite=True)
+            write_envmap(folder / f"{light.frame:06d}.exr", picture, light.lighting, probe=light.probe)
 
 
-def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> None:
-    """Remove the maps of an earlier run that this one has not replaced; each says in its header that it is ours."""
+def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> tuple[str, ...]:
+    """Remove the maps of an earlier run that this one has not replaced; returns their names in the folder.
+
+    Each says in its header that it is ours.
+    """
     shots = {_shot_map(number) for number, shot in enumerate(result.shots, 1) if isinstance(shot, Shot)}
     written = {f"{frame:06d}.exr" for frame in frames if job.options.frames_exr}
     named = [p for p in job.folder.glob("shot-*.exr") if _SHOT_MAP_NAME.fullmatch(p.name)]
     named += [p for p in (job.folder / FRAMES_FOLDER).glob("*.exr") if _FRAME_MAP_NAME.fullmatch(p.name)]
-    for path in (p for p in named if p.name not in shots | written):
-        if path.is_file() and not path.is_symlink() and is_own_map(path.open("rb")):
-            path.unlink()
+    old = [p for p in sorted(named) if p.name not in shots | written and p.is_file() and not p.is_symlink()]
+    old = [path for path in old if is_own_map(path.open("rb"))]
+    for path in old:
+        path.unlink()
     with suppress(OSError):  # it holds files that are none of ours, or is not there
         (job.folder / FRAMES_FOLDER).rmdir()
+    return tuple(path.relative_to(job.folder).as_posix() for path in old)
 
 
 def _write_scenes(job: VideoJob, maps: dict[int, _KeptMap], rate: float, form: ClipForm) -> dict[int, tuple[str, ...]]:

@@ -52,6 +52,9 @@ def main() -> None:
     output, background, sky = (nodes.new(f"ShaderNode{name}") for name in ("OutputWorld", "Background", "TexSky"))
     links.new(sky.outputs[0], background.inputs[0])
     links.new(background.outputs[0], output.inputs[0])
+    if "MULTIPLE_SCATTERING" not in [item.identifier for item in sky.bl_rna.properties["sky_type"].enum_items]:
+        sys.stdout.write("this Blender has no such sky\n")
+        return
     for elevation in map(float, sys.argv[1:]):
         for turbidity in (2.0, 5.0):
             stops = math.log2(render_level(sky, turbidity, elevation) / LUMINANCE)

@@ -93,7 +93,7 @@ def test_megabytes_of_headers_are_refused_and_take_no_memory(server: Server, lin
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("trusted", "second"), [("", 429), ("127.0.0.1", 200)])
+@pytest.mark.parametrize(("trusted", "second"), [("", 429), pytest.param("127.0.0.1", 200, marks=pytest.mark.thorough)])
 def test_a_client_names_itself_only_through_a_proxy_that_is_trusted(network: Path, trusted: str, second: int) -> None:
     with started(network, rate_limit="1/minute", trusted_proxies=trusted) as server:
         answers = []

@@ -200,6 +200,7 @@ def _status_at(port: int, path: str, source: str) -> int:
         connection.close()
 
 
+@pytest.mark.needs("caddy")
 def test_behind_caddy_clients_have_their_own_shares_and_no_counters(network: Path, tmp_path: Path) -> None:
     settings: dict[str, Any] = {
         "trusted_proxies": "127.0.0.1",
@@ -265,6 +266,7 @@ def test_requests_on_their_way_are_answered_at_sigterm(network: Path) -> None:
         server.process.wait(60)
 
 
+@pytest.mark.needs("caddy")
 def test_behind_caddy_a_restart_loses_no_request(network: Path, tmp_path: Path) -> None:
     """Photos are sent until a moment before the service ends: Caddy before 2.11.2 sends no body twice."""
     settings: dict[str, Any] = {"trusted_proxies": "127.0.0.1", "concurrency": 1}
@@ -304,6 +306,7 @@ def test_behind_caddy_a_restart_loses_no_request(network: Path, tmp_path: Path) 
     assert set(statuses["POST"]) == set(statuses["GET"]) == {200}
 
 
+@pytest.mark.needs("caddy")
 def test_work_of_a_proxy_s_client_that_has_gone_ends_at_once(network: Path, tmp_path: Path) -> None:
     settings: dict[str, Any] = {"trusted_proxies": "127.0.0.1", "concurrency": 1}
     with started(network, **settings) as server, behind_caddy(server, tmp_path) as port:

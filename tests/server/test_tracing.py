@@ -84,7 +84,7 @@ def test_a_request_continues_its_callers_trace_with_a_span_a_step(
     with traced(estimator, collector) as client:
         assert client.post("/v1/envmap?height=16", content=jpeg, headers=headers).status_code == 200
         client.get("/livez")
-        client.get("/v2/health/ready")
+        client.get("/readyz")
     assert set(collector.paths) == {"/v1/traces"}
     assert collector.resource["service.name"] == "outdoor-lighting"
     (request,) = collector.find("POST /v1/envmap")

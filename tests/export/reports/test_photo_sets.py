@@ -20,7 +20,7 @@ from export.reports.photo_sets import (
     _sun_figures,
     report_photo_sets,
 )
-from lighting.files import encode_png
+from lighting.files.deflate import encode_png
 from lighting.geometry import wrap_azimuth
 from lighting.model import Model
 from tests.helpers.cameras import texture

@@ -26,7 +26,7 @@ from export.reports.video import (
     _view_panorama,
 )
 from lighting.color import srgb_decode
-from lighting.files import encode_png
+from lighting.files.deflate import encode_png
 from lighting.geometry import Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
 from lighting.video.observation import observe_shots

@@ -391,15 +391,44 @@ def panorama(height: int) -> np.ndarray:
 EXAMPLES = [read_photo(path).pixels for path in sorted((ROOT / "examples").glob("*.jpg"))[::3]]
 
 
-@pytest.mark.parametrize("name", ["INFERNO", "PLASMA", "HOT", "JET", "RAINBOW", "TURBO", "VIRIDIS"])
-def test_colors_on_one_line_of_a_palette_are_false(name: str) -> None:
+# What thermal cameras show cold to hot: colors at equal steps, as makers publish them in pictures.
+PALETTES = {
+    "iron": "000000 000050 46008c 96009b cd1e6e eb5014 fa8c00 ffbe14 ffeb6e ffffff",
+    "rainbow": "000000 3c006e 0000dc 0096dc 00c83c a0e600 ffdc00 ff6e00 e60000 ffffff",
+    "high-contrast rainbow": "000000 ff00ff 3c00ff 00c8ff 00ff50 dcff00 ff7800 c80000 ffffff",
+    "arctic": "050a3c 0a28c8 1e8cf0 6ebedc 78786e 966e32 dca01e ffdc50 ffffe6",
+    "lava": "000014 143278 3c6e8c 6e466e aa1428 dc3c0a ff9600 fff078",
+    "medical": "000000 00286e 008296 00a03c b4b400 f05a00 e6003c ff96ff ffffff",
+    "hot metal": "000000 5a001e b40000 f05000 ffbe00 ffff5a ffffff",
+    "cold and hot": "000082 0078ff e6e6e6 ffa000 8c0000",
+}
+
+
+def palette(name: str) -> np.ndarray:
+    """(256, 3) bytes: one of PALETTES, or a color map of OpenCV."""
+    if name not in PALETTES:
+        levels = np.arange(256, dtype=np.uint8)[:, None]
+        return np.asarray(cv2.applyColorMap(levels, getattr(cv2, f"COLORMAP_{name}"))[:, 0, ::-1])
+    colors = np.array([list(bytes.fromhex(color)) for color in PALETTES[name].split()], dtype=float)
+    steps = np.linspace(0, 255, len(colors))
+    return np.stack([np.interp(np.arange(256), steps, channel) for channel in colors.T], axis=1).astype(np.uint8)
+
+
+@pytest.mark.parametrize("is_annotated", [False, True])
+@pytest.mark.parametrize(
+    "name", [*PALETTES, "INFERNO", "PLASMA", "HOT", "JET", "RAINBOW", "TURBO", "VIRIDIS", "HSV", "CIVIDIS", "PARULA"]
+)
+def test_colors_on_one_line_of_a_palette_are_false(name: str, is_annotated: bool) -> None:
     found = 0
     for photo in EXAMPLES:
         gray = cv2.resize(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), (320, 240), interpolation=cv2.INTER_AREA)
         gray = cv2.normalize(gray, np.empty_like(gray), 0, 255, cv2.NORM_MINMAX)
         gray = cv2.resize(gray, (640, 480))  # few thermal pixels, enlarged
-        shown = cv2.applyColorMap(gray, getattr(cv2, f"COLORMAP_{name}"))
-        found += is_false_color(read_photo(encode(np.ascontiguousarray(shown[..., ::-1]))).pixels)
+        shown = palette(name)[gray]
+        if is_annotated:
+            cv2.putText(shown, "24.5 C", (10, 40), cv2.FONT_HERSHEY_SIMPLEX, 1.0, (255, 255, 255), 2)
+            shown[60:420, 600:625] = palette(name)[np.linspace(255, 0, 360).astype(int)][:, None]
+        found += is_false_color(read_photo(encode(shown)).pixels)
     assert found >= len(EXAMPLES) - 1
 
 

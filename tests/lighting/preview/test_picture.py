@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.envmap.render import render
+from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, Pinhole, angle_between, camera_pixel, direction
 from lighting.photo.reader import Photo
 from lighting.photo_estimate import Estimate
@@ -37,7 +38,6 @@ from lighting.preview.picture import (
     _split_at_seam,
     _warning_lines,
     draw_preview_pixels,
-    encode_preview_png,
 )
 from lighting.records import EvidenceKind, Lighting
 from lighting.sun_grid import grid_directions, soft_label
@@ -91,7 +91,7 @@ def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
     light, shown = outdoors(100.0, 30.0), Photo(photo(320, 240), 320, 240, "PIXELS")
     answer = Estimate.of_photo(shown, estimate(light))
     expected = draw_preview_pixels(shown.pixels, answer, render(light, 512))
-    with Image.open(BytesIO(encode_preview_png(np.asarray(answer.preview())))) as picture:
+    with Image.open(BytesIO(encode_png(np.asarray(answer.preview())))) as picture:
         assert picture.format == "PNG"
         assert np.array_equal(np.asarray(picture), expected)
 

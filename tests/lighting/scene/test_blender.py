@@ -168,6 +168,8 @@ def test_blender_s_own_sky_is_as_bright_as_the_map(folder: Path) -> None:
     done = subprocess.run(
         [PYTHON, script.name, "-4", "-1.5", "0.5", "30"], cwd=folder, capture_output=True, text=True, check=True
     )
+    if "no such sky" in done.stdout:
+        pytest.skip("Blender has this sky from 5.0 on")
     stops = [float(line.rpartition(": ")[2]) for line in done.stdout.splitlines() if line.startswith("sun ")]
     assert len(stops) == 8
     assert np.abs(stops).max() < 0.15

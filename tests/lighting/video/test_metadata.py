@@ -1,5 +1,6 @@
 """What clips' files say of how they were taken: tags, subtitles, XML; and how the pixels choose among their clocks."""
 
+import struct
 from dataclasses import replace
 from datetime import UTC, datetime
 from fractions import Fraction
@@ -16,6 +17,7 @@ from lighting.fusion.user_input import UserInput
 from lighting.photo.metadata import PhotoMetadata
 from lighting.records import Lighting, WarningCode, warning_code
 from lighting.video.decode import Clip
+from lighting.video.gpmf import read_gps_fix
 from lighting.video.metadata import (
     Gimbal,
     container_metadata,
@@ -262,6 +264,122 @@ def test_xml_beside_a_clip_tells_the_zone(tmp_path: Path) -> None:
     assert xml_metadata("<a/>") == PhotoMetadata()
 
 
+def box(name: bytes, data: bytes) -> bytes:
+    return (8 + len(data)).to_bytes(4, "big") + name + data
+
+
+SONY = b'<NonRealTimeMeta><CreationDate value="2024-06-01T18:49:00+02:00"/>'
+SONY += b'<Item name="CaptureGammaEquation" value="s-log3-cine"/></NonRealTimeMeta>'
+XMP = b"<x:xmpmeta><aux:PictureProfile>S-Log3</aux:PictureProfile></x:xmpmeta>"
+
+
+@pytest.mark.parametrize(
+    ("inside", "offset"),
+    [
+        (box(b"meta", bytes(4) + box(b"hdlr", bytes(8) + b"nrtm" + bytes(13)) + box(b"xml ", bytes(4) + SONY)), 2.0),
+        (box(b"uuid", b"\xbe\x7a\xcf\xcb\x97\xa9\x42\xe8\x9c\x71\x99\x94\x91\xe3\xaf\xac" + XMP), 0.0),
+        (box(b"moov", box(b"udta", box(b"XMP_", XMP))), 0.0),
+        ((1).to_bytes(4, "big") + b"uuid" + (16 + len(SONY)).to_bytes(8, "big") + SONY, 2.0),
+        (bytes(4) + b"uuid" + XMP, 0.0),  # up to the end
+    ],
+)
+def test_xml_in_boxes_of_a_clip_is_read_as_that_beside_it(tmp_path: Path, inside: bytes, offset: float) -> None:
+    path = write_clip(tmp_path / "a.mp4", pan(3), metadata={"creation_time": "2024-06-01T18:49:00Z"})
+    path.write_bytes(path.read_bytes() + box(b"free", b"") + inside)
+    with Clip(path) as clip:
+        assert (clip.form.curve, clip.info.metadata.utc_offset) == ("s-log3", offset)
+        assert "S-Log3, by its XML" in clip.info.warnings[0]
+
+
+@pytest.mark.parametrize("name", ["a.XMP", "a.mp4.xmp"])
+def test_xmp_beside_a_clip_names_the_curve(tmp_path: Path, name: str) -> None:
+    path = write_clip(tmp_path / "a.mp4", pan(3))
+    (tmp_path / name).write_bytes(XMP)
+    with Clip(path) as clip:
+        assert clip.form.curve == "s-log3"
+
+
+@pytest.mark.parametrize(
+    "end", [b"\0\0\0\x07uuid", b"\xff\xff\xff\xffmeta<", b"\0\0\0\1uuid\0", b"\0\0\0\x09\xff\xfe\0\0<"]
+)
+def test_damaged_boxes_are_left_out(tmp_path: Path, end: bytes) -> None:
+    path = write_clip(tmp_path / "a.mp4", pan(3))
+    path.write_bytes(path.read_bytes() + end)
+    with Clip(path) as clip:
+        assert clip.form.curve is None
+
+
+# GoPro's metadata track.
+
+
+def key(name: bytes, kind: str, size: int, data: bytes) -> bytes:
+    head = name + (kind.encode() if kind else b"\0") + bytes([size]) + (len(data) // size).to_bytes(2, "big")
+    return head + data + bytes(-len(data) % 4)
+
+
+def gopro_sample(fix: int, time: str = "240601164905.000", dilution: int = 180) -> bytes:
+    """A second of a HERO5 to HERO10: its accelerometer, and its GPS."""
+    place = struct.pack(">10i", 481375000, 115750000, 520000, 1200, 12, 481376000, 115751000, 520000, 1200, 12)
+    gps = [
+        key(b"GPSF", "L", 4, struct.pack(">I", fix)),
+        key(b"GPSU", "U", 16, time.encode()),
+        key(b"GPSP", "S", 2, struct.pack(">H", dilution)),
+        key(b"SCAL", "l", 4, struct.pack(">5i", 10**7, 10**7, 1000, 1000, 100)),
+        key(b"GPS5", "l", 20, place),
+    ]
+    motion = key(b"SCAL", "s", 2, b"\1\xa2") + key(b"ACCL", "s", 6, bytes(600))
+    streams = key(b"STRM", "", 1, motion) + key(b"STRM", "", 1, b"".join(gps))
+    return key(b"DEVC", "", 1, key(b"DVNM", "c", 1, b"HERO7 Black") + streams)
+
+
+def gopro11_sample(fix: int) -> bytes:
+    """A second of a HERO11 or later."""
+    scales = struct.pack(">9i", 10**7, 10**7, 1000, 1000, 100, 1, 1000, 100, 1)
+    days = (datetime(2024, 6, 1) - datetime(2000, 1, 1)).days
+    seconds = 1000 * (16 * 3600 + 49 * 60 + 5)
+    values = struct.pack(">7i2H", 481375000, 115750000, 520000, 1200, 12, days, seconds, 180, fix)
+    gps = key(b"TYPE", "c", 1, b"lllllllSS") + key(b"SCAL", "l", 4, scales) + key(b"GPS9", "?", 32, values)
+    return key(b"DEVC", "", 1, key(b"STRM", "", 1, gps))
+
+
+@pytest.mark.parametrize("sample", [gopro_sample(3), gopro_sample(2), gopro11_sample(3)])
+def test_gopros_track_has_time_and_place(sample: bytes) -> None:
+    fix = read_gps_fix(sample)
+    assert fix is not None
+    assert fix.time == datetime(2024, 6, 1, 16, 49, 5, tzinfo=UTC)
+    assert (fix.latitude, fix.longitude) == (48.1375, 11.575)
+
+
+@pytest.mark.parametrize(
+    "sample", [gopro_sample(0), gopro_sample(3, dilution=9999), gopro11_sample(0), b"DEVC", b"", b"DEVC" + bytes(40)]
+)
+def test_without_a_fix_gopros_track_says_nothing(sample: bytes) -> None:
+    assert read_gps_fix(sample) is None
+
+
+def test_a_damaged_gopro_track_says_nothing_or_what_it_says() -> None:
+    sample, random = gopro_sample(3), np.random.default_rng(0)
+    for _ in range(500):
+        damaged = bytearray(sample[: random.integers(8, len(sample) + 1)])
+        for place in random.integers(0, len(damaged), 3):
+            damaged[place] = random.integers(256)
+        read_gps_fix(bytes(damaged))
+
+
+def test_the_satellites_time_of_a_gopro_counts_from_the_clips_start(tmp_path: Path) -> None:
+    clock = {"creation_time": "2024-06-01T18:49:00Z"}  # local time, as the GoPro writes it
+    samples = [(0, gopro_sample(0)), (5000, gopro_sample(3))]  # before and with a fix
+    path = write_tracks(tmp_path / "a.mp4", "mov_text", samples, clock)
+    path.write_bytes(path.read_bytes().replace(b"tx3g", b"gpmd").replace(b"sbtl", b"meta"))
+    with Clip(path) as clip:
+        metadata = clip.info.metadata
+        circumstances = ClipMetadata.of_clip(clip, UserInput())
+    assert metadata.gps_time == datetime(2024, 6, 1, 16, 49, 0, tzinfo=UTC)
+    assert (metadata.latitude, metadata.longitude) == (48.1375, 11.575)
+    instants = circumstances.prior_at(0.0).instants.instants
+    assert [instant.utc_time for instant in instants] == [metadata.gps_time]
+
+
 # Logarithms that files name.
 
 
@@ -293,6 +411,9 @@ def test_djis_subtitles_name_the_curve(said: str, name: str | None, curve: str |
         ("<CaptureGamma>V-LOG</CaptureGamma>", "v-log"),
         ("<p2:CaptureGamma>V-Log L</p2:CaptureGamma>", "v-log"),
         ("<Gamma>Canon Log 3</Gamma>", "c-log3"),
+        ('<rdf:Description crs:CameraProfile="Camera F-Log2" dc:format="video/mp4"/>', "f-log2"),
+        ("<aux:PictureProfile> N-Log </aux:PictureProfile>", "n-log"),
+        ('<rdf:Description dc:title="My vlog" dc:creator="S-Log3 Films"/>', None),
     ],
 )
 def test_xml_beside_a_clip_names_the_curve(xml: str, curve: str | None) -> None:
@@ -332,8 +453,18 @@ Format: Layer, Start, End, Text
 
 def write_subtitled(path: Path, codec: str) -> Path:
     """The clip with DJI's two entries as a track of subtitles."""
+    texts = (block.split("\n", 2)[2].encode() for block in DJI.split("\n\n")[:2])
+    sized = (len(text).to_bytes(2, "big") + text if codec == "mov_text" else text for text in texts)
+    return write_tracks(path, codec, list(zip((0, 2000), sized, strict=True)))
+
+
+def write_tracks(
+    path: Path, codec: str, samples: list[tuple[int, bytes]], metadata: dict[str, str] | None = None
+) -> Path:
+    """A clip with samples, each with its thousandth of a second, as a track of subtitles."""
     plain = write_clip(path.with_name("plain.mp4"), pan(6))
     with av.open(str(plain)) as source, av.open(str(path), "w") as target:
+        target.metadata.update(metadata or {})
         pictures = target.add_stream_from_template(source.streams.video[0])
         texts: Any = target.add_stream(codec)
         texts.codec_context.subtitle_header, texts.codec_context.time_base = STYLES, Fraction(1, 1000)
@@ -341,9 +472,8 @@ def write_subtitled(path: Path, codec: str) -> Path:
             if packet.dts is not None:
                 packet.stream = pictures
                 target.mux(packet)
-        for start, block in ((0, DJI.split("\n\n")[0]), (2000, DJI.split("\n\n")[1])):
-            text = block.split("\n", 2)[2].encode()
-            entry: Any = av.Packet(len(text).to_bytes(2, "big") + text if codec == "mov_text" else text)
+        for start, sample in samples:
+            entry: Any = av.Packet(sample)
             entry.pts = entry.dts = start
             entry.duration, entry.time_base, entry.stream = 2000, Fraction(1, 1000), texts
             target.mux(entry)

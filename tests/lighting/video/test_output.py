@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import sys
 from contextlib import nullcontext
@@ -235,7 +236,9 @@ def test_overwriting_removes_the_maps_of_the_clip_before_and_nothing_of_the_user
     write_envmap(out / "frames" / "000099.exr", np.zeros((4, 8, 3), np.float32))
     write_envmap(out / "shot-7.exr", np.zeros((4, 8, 3), np.float32))
     (out / "shot-8.exr").symlink_to(out / "shot-2.exr")
-    assert run(out / "preview.mp4", "-o", out, "--model", network, "--height", 32, "--overwrite").exit_code == 0
+    done = run(out / "preview.mp4", "-o", out, "--model", network, "--height", 32, "--overwrite")
+    assert done.exit_code == 0
+    assert re.search(r"removed maps of an earlier run: frames/000000\.exr, .* and \d+ more\.", done.output)
     kept = [
         "frames",
         "lighting.jsonl",
