@@ -116,7 +116,7 @@ class Adjustments:
 
 
 class MapKeywords(TypedDict, total=False):
-    """The fields of MapOptions but the height, as keywords; and two that `around` replaces, until 0.3.0."""
+    """The fields of MapOptions but the height, as keywords; and two that `around` replaces, until 0.4.0."""
 
     sun: bool | None
     yaw: float
