@@ -10,10 +10,19 @@ import numpy as np
 from lighting.color import LUMINANCE_WEIGHTS
 from lighting.fields import clip_color, clip_to_range, round_significant
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
+from lighting.records import (
+    Color,
+    EvidenceKind,
+    Light,
+    Lighting,
+    Prediction,
+    SunCandidate,
+    SunDistribution,
+    SunEstimate,
+)
 from lighting.sky import PAINTED_SKY
 from lighting.sky.clear_sky import sun_radiance
-from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credible_radii, grid_directions
+from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credible_radii, grid_directions, likeliest_suns
 
 _MIN_SURE_VISIBILITY = 0.8  # from which the sun has its full irradiance
 _VISIBILITY_EXPONENT = 5.0  # of the fall below it, by panoramas of `train` that the networks asked never saw
@@ -66,6 +75,21 @@ def sun_from_rings(directions: Floats, probability: Floats) -> SunEstimate:
     return SunEstimate(best, best_elevation, radius_50, radius_90)
 
 
+def candidate_suns(lighting: Lighting, directions: Floats, distribution: SunDistribution) -> tuple[SunCandidate, ...]:
+    """Return the suns that a person may choose from; the first is the answer's own.
+
+    Args:
+        lighting: the answer.
+        directions: (M, 3) unit vectors that a sun may have: the grid's cells, or rings of known elevation.
+        distribution: by all evidence.
+    """
+    suns, shares = likeliest_suns(lighting.sun_direction, distribution.probability, directions, distribution.grid)
+    azimuth, elevation = np.round(angles(suns), 2)
+    first = (lighting.sun_azimuth, lighting.sun_elevation)
+    each = [first, *zip(azimuth[1:].tolist(), elevation[1:].tolist(), strict=True)]
+    return tuple(SunCandidate(*sun, round(float(share), 3)) for sun, share in zip(each, shares, strict=True))
+
+
 def _likeliest_ring(elevation: Floats, probability: Floats) -> float:
     """The elevation [deg], one of those of the rings (N,), near which most of the probability (N,) lies."""
     rings, member = np.unique(np.round(elevation, 6), return_inverse=True)
@@ -106,7 +130,7 @@ def _stated_light(light: Light, visibility: float) -> dict[str, Color | float]:
     it predicts too weak a sky, for most such skies that it learned from are clipped pictures.
     """
     cover, suitable = (float(np.clip(share, 0.0, 1.0)) for share in (light.cover, light.suitable))
-    sun = light.sun_irradiance * 2.0**_SUN_STOPS * _visibility_attenuation(visibility)
+    sun = light.sun_irradiance * 2.0**_SUN_STOPS * visibility_attenuation(visibility)
     sky = light.sky_irradiance * 2.0 ** (_OVERCAST_STOPS * cover)
     return {
         "sun_irradiance": clip_color(sun, "sun_irradiance"),
@@ -116,11 +140,14 @@ def _stated_light(light: Light, visibility: float) -> dict[str, Color | float]:
     }
 
 
-def _visibility_attenuation(visibility: float) -> float:
+def visibility_attenuation(visibility: float) -> float:
     """The share of its irradiance that the sun keeps, by the probability that its light reaches the scene.
 
     The network predicts the power of a sun that may be covered as something between none and that of a clear sky.
     Where it doubts that the sun shines, a sun painted at that power casts a shadow that is not in the photo.
+
+    Args:
+        visibility: the probability, 0 to 1.
     """
     return float(np.clip(visibility / _MIN_SURE_VISIBILITY, 0.0, 1.0) ** _VISIBILITY_EXPONENT)
 
@@ -141,7 +168,7 @@ def doubts_sun(lighting: Lighting) -> bool:
     sun, sky = (
         float(color @ LUMINANCE_WEIGHTS) for color in np.array([lighting.sun_irradiance, lighting.sky_irradiance])
     )
-    level = sun / _visibility_attenuation(lighting.sun_visibility) * math.sin(math.radians(lighting.sun_elevation))
+    level = sun / visibility_attenuation(lighting.sun_visibility) * math.sin(math.radians(lighting.sun_elevation))
     return bool(sun > 0 and level >= _MIN_DAPPLED_SUN * sky)
 
 

@@ -116,9 +116,9 @@ class Estimator:
             sentence = f"register must be True, False or a function, not {register!r}."
             raise ParameterError(sentence, "register", ErrorCode.WRONG_TYPE)
         check_headings(len(photos), headings, user_input.heading)
-        if len(photos) > 1 and user_input.shadows:
-            sentence = "Shadows are marked in one photo; estimate it alone."
-            raise ParameterError(sentence, "shadows", ErrorCode.CONTRADICTION)
+        if len(photos) > 1 and user_input.drawn_fields:
+            sentence = "Shadows, lines and things of known size are drawn in one photo; estimate it alone."
+            raise ParameterError(sentence, user_input.drawn_fields[0], ErrorCode.CONTRADICTION)
         if len(photos) < 2:
             return [self(photo, user_input) for photo in photos]
         from lighting.fusion.estimate import apply_photo_colors, build_estimate

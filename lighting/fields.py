@@ -8,7 +8,7 @@ nowhere; `describe_fields` gives them to `help`.
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from enum import Enum
 from itertools import pairwise
@@ -65,6 +65,7 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
     "sun_visibility": "sun.visibility",
     "radius_50": "sun.radius_50",
     "radius_90": "sun.radius_90",
+    "sun_candidates": "sun.candidates",
     "sun_irradiance": "sun.irradiance",
     "turbidity": "sky.turbidity",
     "ground_albedo": "sky.ground_albedo",
@@ -95,6 +96,8 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
 
 SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
     "fov": "lens_fov",
+    "shadows": "shadow",
+    "verticals": "vertical",
     "first": "date",
     "last": "until",
 }
@@ -306,12 +309,13 @@ _NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.it
 _COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 
 
-def nest_fields(values: Mapping[str, Any], sun_direction: "NDArray[np.floating]") -> dict[str, Any]:
-    """Return the JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown.
+def nest_fields(values: Mapping[str, Any], sun_direction: "NDArray[np.floating]", trust: str) -> dict[str, Any]:
+    """Return the JSON record of the fields of a Lighting, with `sun.direction` and `trust`, without what is unknown.
 
     Args:
         values: of the fields, by name.
         sun_direction: unit vector (3,).
+        trust: the word for it.
     """
     record: dict[str, Any] = {"model": {"name": values["model_name"], "version": values["model_version"]}}
     for section, name, attribute in _NUMBERS:
@@ -319,6 +323,8 @@ def nest_fields(values: Mapping[str, Any], sun_direction: "NDArray[np.floating]"
         if values[attribute] is not None:
             group[name] = values[attribute]
     record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
+    if values["sun_candidates"]:
+        record["sun"]["candidates"] = [asdict(sun) for sun in values["sun_candidates"]]
     for section, name, attribute in _COLORS:
         if (color := values[attribute]) is not None:
             record.setdefault(section, {})[name] = list(color)
@@ -342,7 +348,7 @@ def nest_fields(values: Mapping[str, Any], sun_direction: "NDArray[np.floating]"
     for section in ("place", "time"):
         if not record[section]:
             del record[section]
-    return record | {"evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
+    return record | {"trust": trust, "evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
 
 
 def flatten_record(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -367,6 +373,7 @@ def flatten_record(record: Mapping[str, Any]) -> dict[str, Any]:
     values |= {f"model_{name}": sections["model"].get(name) for name in ("name", "version")}
     values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
     values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
+    values["sun_candidates"] = sections["sun"].get("candidates")
     values |= {attribute: _numbers(sections, section, name) for section, name, attribute in _COLORS}
     if sections["ground"].get("spot") is not None:
         spots = {"spot": _section(sections["ground"], "spot")}

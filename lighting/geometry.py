@@ -202,6 +202,18 @@ def camera_directions(camera: Pinhole) -> Floats:
     return np.asarray(np.stack([x * forward, y[:, None] * forward, forward], axis=-1) @ camera.axes)
 
 
+def pixel_ray(camera: Pinhole, point: tuple[float, float]) -> Floats:
+    """Return the unit vector (3,) through a point of a camera's picture.
+
+    Args:
+        camera: any.
+        point: (x, y) pixels; the left upper pixel's middle is (0.5, 0.5).
+    """
+    x, y = (point[0] - camera.width / 2) / camera.focal_length, (camera.height / 2 - point[1]) / camera.focal_length
+    ray = np.array([x, y, 1.0]) @ camera.axes
+    return np.asarray(ray / np.linalg.norm(ray))
+
+
 def camera_pixel(direction: ArrayLike, camera: Pinhole) -> Floats:
     """Return continuous pixel coordinates (..., 2) as (x, y); NaN behind the camera.
 

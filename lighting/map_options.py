@@ -100,9 +100,18 @@ class Adjustments:
     """Turbidity, 1 to 10: 2 is very clear, 10 is hazy."""
     overcast: bool = option(False, OptionText("cover the sky with clouds: no sun, soft gray light"))
     """True covers the sky, and no sun shines."""
+    pick: int | None = option(
+        None,
+        OptionText(
+            "use this one of the suns that the answer lists: 2 or 3 in place of the first",
+            "N",
+            choices=lambda: ("1", "2", "3"),
+        ),
+    )
+    """Number, 1 to 3, of the sun in `Lighting.sun_candidates` that shines; also as a text. None: the answer's."""
 
     def __post_init__(self) -> None:
-        convert_numpy_numbers(self, "sun", "exposure", "haze")
+        convert_numpy_numbers(self, "sun", "exposure", "haze", "pick")
         if self.sun is not None:
             if not isinstance(self.sun, tuple) or len(self.sun) != 2:
                 predicate = "must be two numbers: azimuth and elevation."
@@ -113,6 +122,13 @@ class Adjustments:
             if (value := getattr(self, name)) is not None:
                 check_option(name, value, option_texts(Adjustments)[name])
         _check_flag("overcast", self.overcast)
+        if self.pick is not None:
+            check_option("pick", str(self.pick), option_texts(Adjustments)["pick"])
+            object.__setattr__(self, "pick", int(self.pick))
+            if self.sun is not None:
+                raise ParameterError.about(
+                    "pick", "chooses a sun, and sun sets one: give one of them.", ErrorCode.CONTRADICTION
+                )
 
 
 class MapKeywords(TypedDict, total=False):

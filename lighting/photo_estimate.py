@@ -62,6 +62,7 @@ class Estimate(EstimatedLight):
         exposure: float = 0.0,
         haze: float | None = None,
         overcast: bool = False,
+        pick: int | None = None,
         camera_height: float | None = None,
         lighting: Lighting | None = None,
     ) -> Self:
@@ -74,6 +75,7 @@ class Estimate(EstimatedLight):
             exposure: EV, -20 to 20, of map and photo: +1 is twice as bright.
             haze: turbidity, 1 to 10: 2 is very clear, 10 hazy; None: as it is.
             overcast: True covers the sky, and no sun shines.
+            pick: number, 1 to 3, of the sun in `lighting.sun_candidates` that shines; None: the answer's.
             camera_height: m above the ground, 0.1 to 20,000; None: as it is.
             lighting: a stored record of this photo, before the other changes; None: the estimate's own.
 
@@ -82,7 +84,7 @@ class Estimate(EstimatedLight):
         """
         if lighting is not None:
             check_lighting(lighting)
-        light = adjust_lighting(lighting or self.lighting, Adjustments(sun, exposure, haze, overcast))
+        light = adjust_lighting(lighting or self.lighting, Adjustments(sun, exposure, haze, overcast, pick))
         if camera_height is not None:
             check_range("camera_height", camera_height, *RANGES["camera_height"])
             light = edit_lighting(light, {"camera_height": float(camera_height)})
@@ -215,6 +217,33 @@ class Estimate(EstimatedLight):
             shown = dataclasses.replace(self, lighting=light)
             return Image.fromarray(draw_preview_pixels(expose_photo(pixels, gain), shown, image))
 
+    def preview_candidates(self, options: MapOptions = DEFAULT_MAP) -> "Pictures.Image":
+        """Draw the photo and its balls in the light of each of `lighting.sun_candidates`, side by side.
+
+        Args:
+            options: of the map, which is not turned, and whose sun is none by hand.
+
+        Raises:
+            ParameterError: a value is out of range, or the light lists no suns.
+            PhotoError: the photo's file has changed since it was read.
+        """
+        from PIL import Image
+
+        from lighting.envmap.surroundings import render_view
+        from lighting.preview.picture import PHOTO_SIDE, draw_candidates_pixels
+
+        options.refuse("a preview", "yaw")
+        pixels = self.photo.reread(PHOTO_SIDE).pixels
+        context, views = self.context(options.around, pixels), []
+        with trace_step("map"), ONE_BLAS_THREAD:
+            for number in range(1, max(len(self.lighting.sun_candidates), 1) + 1):
+                adjustments = dataclasses.replace(options.adjustments, pick=number)
+                light = light_of_map(self.lighting, dataclasses.replace(options, adjustments=adjustments))
+                image, _ = render_view(light, options.height, sun=options.sun, context=context, disc=options.disc)
+                views.append((light, image))
+            suns = self.lighting.sun_candidates
+            return Image.fromarray(draw_candidates_pixels(pixels, suns, views, self.segments))
+
     def make_scene(self, options: MapOptions = DEFAULT_MAP) -> "Scene":
         """Make the photo's scene, which `lighting.scene.writer` writes for any tool.
 
@@ -300,10 +329,12 @@ class Estimate(EstimatedLight):
         light = self.lighting
         name = self.photo.source.name if self.photo.source else None
         radii = f" (50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°)" if light.radius_90 else ""
+        trust = f", {light.trust}" if light.radius_90 else ""
         suitable = "" if light.suitable is None else f", suitable {light.suitable:.2f}"
         return (
             f"<Estimate of {name or f'{self.photo.width} x {self.photo.height} pixels'}: "
-            f"sun {format_azimuth(light.sun_azimuth, 1)}, {format_sun_elevation(light.sun_elevation, 1)}{radii}, "
+            f"sun {format_azimuth(light.sun_azimuth, 1)}, {format_sun_elevation(light.sun_elevation, 1)}{radii}"
+            f"{trust}, "
             f"direct sunlight {100 * light.sun_visibility:.0f} %, turbidity {light.turbidity:.1f}; "
             f"camera looks {format_tilt(light.camera_elevation, 1)}, field of view {light.vertical_fov:.1f}°{suitable}>"
         )

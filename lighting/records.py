@@ -24,6 +24,8 @@ from lighting.fields import (
     convert_numpy_numbers,
     describe_fields,
     flatten_record,
+    format_azimuth,
+    format_sun_elevation,
     nest_fields,
     record_path,
     round_all,
@@ -39,6 +41,7 @@ Color = tuple[float, float, float]  # linear Rec.709
 
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 MIN_SUITABLE = 0.5  # `suitable` below it earns a warning
+SURE_RADIUS = 45.0  # deg, largest `radius_90` of a sure answer; `export evaluate` prints what such answers are worth
 MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
 SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
@@ -57,6 +60,7 @@ class EvidenceKind(StrEnum):
     FOCAL_LENGTH = "focal length"
     GRAVITY = "gravity"
     SHADOW = "shadow"
+    DRAWN_CAMERA = "drawn camera"
     CAMERA_EXPOSURE = "camera exposure"
     TURNS = "turns"
     OTHER_PHOTOS = "other photos"
@@ -239,6 +243,35 @@ class SunEstimate:
 
 
 @dataclass(frozen=True)
+class SunCandidate:
+    """One of the suns that an answer thinks possible. A value out of range is a ParameterError."""
+
+    azimuth: float
+    """Deg, -180 to 180: 0 = where the camera points, positive to the right."""
+    elevation: float
+    """Deg above the horizon, -4.2 to 90."""
+    probability: float
+    """Share of the probability, 0 to 1, that lies nearer to it than to the others."""
+
+    def __post_init__(self) -> None:
+        convert_numpy_numbers(self, "azimuth", "elevation", "probability")
+        check_range("sun_candidates", self.azimuth, *RANGES["sun_azimuth"])
+        check_range("sun_candidates", self.elevation, *RANGES["sun_elevation"])
+        check_range("sun_candidates", self.probability, 0.0, 1.0)
+
+
+class Trust(StrEnum):
+    """How far an answer's sun can be trusted, in one word."""
+
+    SURE = "sure"
+    """The sun shines, and is where the answer has it: `export evaluate` prints how often within 45 deg."""
+    UNSURE = "unsure"
+    """The sun shines, and may be elsewhere; or this may be no outdoor daylight photo."""
+    NO_SUN = "no sun"
+    """Direct sunlight probably does not reach the scene, so no shadow tells where the sun is."""
+
+
+@dataclass(frozen=True)
 class Lighting:
     """The light of one photo, and the camera that took it. A value out of range is a ParameterError."""
 
@@ -258,6 +291,8 @@ class Lighting:
     """Deg, 0 to 180: the cone around the sun's direction with half of the probability. 0: stated by hand."""
     radius_90: float = 0.0
     """Deg, 0 to 180: the cone around the sun's direction with nine tenths of the probability. 0: stated by hand."""
+    sun_candidates: tuple[SunCandidate, ...] = ()
+    """Up to three suns, at least 40 deg apart: first the answer, then the likeliest others. Empty: stated by hand."""
     camera_elevation: float = 0.0
     """Deg, -90 to 90: positive looks up."""
     camera_roll: float = 0.0
@@ -324,6 +359,7 @@ class Lighting:
         for name, (low, high) in COLOR_RANGES.items():
             self._check_numbers(name, "three numbers: red, green and blue", 3, low, high)
         self._check_headings()
+        object.__setattr__(self, "sun_candidates", _read_candidates(self.sun_candidates))
         for name in ("model_name", "model_version"):
             if not isinstance(text := getattr(self, name), str):
                 raise ParameterError.about(name, f"must be a text, not {reprlib.repr(text)}.", ErrorCode.WRONG_TYPE)
@@ -393,13 +429,21 @@ class Lighting:
 
     @property
     def sun_painted(self) -> bool:
-        """Whether maps hold the sun unless asked otherwise: where its irradiance is given, it fades by itself."""
-        return self.sun_shines or self.sun_irradiance is not None
+        """Whether maps hold the sun unless asked otherwise: where it shines, for its shadows are sharp."""
+        return self.sun_shines
 
     @property
     def sun_shines(self) -> bool:
         """Whether direct sunlight has a probability of at least one half."""
         return self.sun_visibility >= 0.5
+
+    @property
+    def trust(self) -> Trust:
+        """How far the sun's direction can be trusted."""
+        if not self.sun_shines:
+            return Trust.NO_SUN
+        doubtful = self.suitable is not None and self.suitable < MIN_SUITABLE
+        return Trust.UNSURE if doubtful or self.radius_90 > SURE_RADIUS else Trust.SURE
 
     @cached_property
     def sun_direction(self) -> Floats:
@@ -409,8 +453,8 @@ class Lighting:
         return vector
 
     def to_dict(self) -> Json:
-        """Return the JSON record; it adds `sun.direction` and omits what is unknown."""
-        return nest_fields(vars(self), self.sun_direction)
+        """Return the JSON record; it adds `sun.direction` and `trust`, and omits what is unknown."""
+        return nest_fields(vars(self), self.sun_direction, self.trust.value)
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
@@ -429,6 +473,35 @@ class Lighting:
             return cls(**values)
         except ParameterError as error:
             raise error.renamed(record_path) from error
+
+
+def describe_trust(lighting: Lighting) -> str:
+    """Say how far the sun can be trusted, and what helps: "unsure: mark a shadow, or give time and place".
+
+    Args:
+        lighting: any.
+    """
+    if lighting.trust == Trust.NO_SUN:
+        return f"{Trust.NO_SUN}: set the sun by eye if you want one"
+    if lighting.trust == Trust.SURE or lighting.radius_90 <= SURE_RADIUS:
+        return str(lighting.trust)
+    missing = {EvidenceKind.SHADOW: "mark a shadow", EvidenceKind.TIME_AND_PLACE: "give time and place"}
+    helps = [words for kind, words in missing.items() if kind not in lighting.evidence]
+    helps += ["pick another sun"] if len(lighting.sun_candidates) > 1 else []
+    *first, last = helps or ["set the sun by eye"]
+    return f"{lighting.trust}: {', '.join(first)}{' or ' if first else ''}{last}"
+
+
+def describe_candidates(lighting: Lighting) -> str:
+    """Say where else the sun of an unsure answer may be: "or 120° left, 25° high (31 %)"; "" of any other.
+
+    Args:
+        lighting: any.
+    """
+    return ", ".join(
+        f"or {format_azimuth(sun.azimuth)}, {format_sun_elevation(sun.elevation)} ({100 * sun.probability:.0f} %)"
+        for sun in (lighting.sun_candidates[1:] if lighting.trust == Trust.UNSURE else ())
+    )
 
 
 def check_lighting(thing: object) -> None:
@@ -514,7 +587,16 @@ class EstimatedLight:
 
 
 describe_fields(
-    ModelSpec, Light, Prediction, SunEstimate, Lighting, MainLight, LightProbe, SunDistribution, EstimatedLight
+    ModelSpec,
+    Light,
+    Prediction,
+    SunEstimate,
+    SunCandidate,
+    Lighting,
+    MainLight,
+    LightProbe,
+    SunDistribution,
+    EstimatedLight,
 )
 
 
@@ -555,6 +637,16 @@ def _check_time(utc_time: object, source: object) -> None:
         raise ParameterError.about("utc_time", predicate, ErrorCode.WRONG_TYPE)
     if not isinstance(source, str | None):
         raise ParameterError.about("time_source", f"must be a text, not {reprlib.repr(source)}.", ErrorCode.WRONG_TYPE)
+
+
+def _read_candidates(values: object) -> tuple[SunCandidate, ...]:
+    """Candidates, also as objects of JSON."""
+    try:
+        assert isinstance(values, list | tuple)
+        return tuple(sun if isinstance(sun, SunCandidate) else SunCandidate(**sun) for sun in values)
+    except (AssertionError, TypeError) as error:
+        predicate = "must be a list of suns, each with azimuth, elevation and probability."
+        raise ParameterError.about("sun_candidates", predicate, ErrorCode.WRONG_TYPE) from error
 
 
 def _texts(name: str, values: object) -> tuple[str, ...]:

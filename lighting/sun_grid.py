@@ -33,6 +33,10 @@ _MAX_ERROR = 45.0  # deg; larger errors count as this one
 _REFINEMENT_ANGLE = 40.0  # deg from the best cell, at which the biweight of the answer's mean has fallen to 0
 _HIGH_ELEVATION = 55.0  # deg, over which a broad answer is too high
 _NEAR_ANGLE = 25.0  # deg from the best cell; the probability within says how broad the answer is
+_CANDIDATE_SUNS = 3
+_CANDIDATE_SEPARATION = 40.0  # deg, least angle between two of them
+_CANDIDATE_RADIUS = 22.5  # deg about one of them, within which it is right
+_MIN_CANDIDATE_SUN = 0.05  # least share of the probability of the second and third
 _TARGET_STD = 4.0  # deg, of the lobes about true suns that networks are trained to predict
 
 
@@ -209,6 +213,46 @@ def bayes_direction(probability: ArrayLike, layout: str) -> Floats:
     elevation = np.interp(elevation, *lobes)
     near = p[distance <= _NEAR_ANGLE].sum() / p.sum()
     return direction(azimuth, elevation - (1.0 - near) * max(elevation - _HIGH_ELEVATION, 0.0))
+
+
+def likeliest_suns(answer: Floats, probability: ArrayLike, directions: Floats, layout: str) -> tuple[Floats, Floats]:
+    """Directions (K, 3) of up to three suns, the answer first, and the share (K,) of the probability nearest to each.
+
+    Each further one has the most probability within 22.5 deg, of all directions 40 deg or more from those before it.
+    One that is nearest to less than 5 % is left out.
+
+    Args:
+        answer: (3,) unit vector.
+        probability: (N,) of the cells.
+        directions: (M, 3) unit vectors that a sun may have: the cells, or rings of known elevation.
+        layout: of the grid of the cells.
+    """
+    p, cells = np.asarray(probability, dtype=np.float32), grid_directions(layout)
+    near = _near_cells(layout) if directions is cells else _are_near(directions, cells)
+    mass, suns = near @ p, answer[None]
+    while len(suns) < _CANDIDATE_SUNS:
+        mass = np.where(directions @ suns[-1] > math.cos(math.radians(_CANDIDATE_SEPARATION)), -1.0, mass)
+        more = np.vstack([suns, directions[np.argmax(mass)]])
+        if mass.max() <= 0 or _nearest_shares(p, cells, more)[-1] < _MIN_CANDIDATE_SUN:
+            break
+        suns = more
+    return suns, _nearest_shares(p, cells, suns)
+
+
+def _nearest_shares(probability: NDArray[np.float32], cells: Floats, suns: Floats) -> Floats:
+    shares = np.bincount(np.argmax(cells @ suns.T, axis=1), probability, len(suns))
+    return np.asarray(shares / shares.sum())
+
+
+@lru_cache(maxsize=2)
+def _near_cells(layout: str) -> NDArray[np.float32]:
+    return _are_near(grid_directions(layout), grid_directions(layout))
+
+
+def _are_near(directions: Floats, cells: Floats) -> NDArray[np.float32]:
+    """1 where a cell (N,) lies within 22.5 deg of a direction (M,), else 0."""
+    cosine = directions.astype(np.float32) @ cells.astype(np.float32).T
+    return (cosine >= np.float32(math.cos(math.radians(_CANDIDATE_RADIUS)))).astype(np.float32)
 
 
 @lru_cache(maxsize=1)

@@ -83,6 +83,13 @@ class UserInputQuery(Query):
     shadow: str = Field(
         "", description="of one photo: its shadows in pixels, FOOT_X,FOOT_Y,TIP_X,TIP_Y, separated by `;`"
     )
+    horizon: str = Field("", description="of one photo: two points of its horizon in pixels, X,Y,X,Y")
+    vertical: str = Field(
+        "", description="of one photo: lines along upright edges in pixels, X,Y,X,Y, separated by `;`"
+    )
+    reference: str = Field(
+        "", description="of one photo: a thing of known size, X,Y,X,Y,METERS from foot to top; `ground:` if it lies"
+    )
     keep_location: types.Flag = Field(False, description="put latitude and longitude into the answer")
 
     @model_validator(mode="after")
@@ -92,9 +99,18 @@ class UserInputQuery(Query):
 
     def user_input(self) -> UserInput:
         """The same for the library; raises ParameterError for values that contradict each other."""
-        names = [field.name for field in fields(UserInput) if field.name != "shadows"]
-        shadows = [mark for mark in self.shadow.split(";") if mark.strip()]
-        return UserInput(shadows=shadows, **{name: getattr(self, parameter_name(name)) for name in names})
+        drawn = ("shadows", "horizon", "verticals", "reference", "camera")
+        names = [field.name for field in fields(UserInput) if field.name not in drawn]
+        shadows, verticals = (
+            [part for part in text.split(";") if part.strip()] for text in (self.shadow, self.vertical)
+        )
+        return UserInput(
+            shadows=shadows,
+            horizon=self.horizon or None,
+            verticals=verticals,
+            reference=self.reference or None,
+            **{name: getattr(self, parameter_name(name)) for name in names},
+        )
 
 
 class LightingQuery(UserInputQuery):

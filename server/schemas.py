@@ -8,7 +8,7 @@ from lighting.errors import ErrorCode
 from lighting.fields import OPTIONAL_RANGES
 from lighting.files import MAP_FORMATS
 from lighting.geometry import EYE_HEIGHT
-from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, WarningCode
+from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, Trust, WarningCode
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
 from server import field_types as types
@@ -42,6 +42,15 @@ class LightingRecord(_Part):
         version: str = "0"
 
     class SunPart(_Part):
+        class CandidatePart(_Part):
+            """One of the suns that the answer thinks possible."""
+
+            azimuth: types.SunAzimuth
+            elevation: types.SunElevation
+            probability: Annotated[float, InRange(0.0, 1.0)] = Field(
+                description="that lies nearer to it than to others"
+            )
+
         azimuth: types.SunAzimuth
         elevation: types.SunElevation
         direction: _Numbers = Field([], description="unit vector towards the sun; computed from the angles")
@@ -55,6 +64,9 @@ class LightingRecord(_Part):
         radius_90: Annotated[
             float, parameter_range("radius_90", "deg, radius around the sun that holds 90 % of the probability", 31.0)
         ] = 0.0
+        candidates: list[CandidatePart] = Field(
+            [], max_length=3, description="the answer first, then the likeliest suns at least 40 deg from it"
+        )
 
     class SkyPart(_Part):
         class CoefficientsPart(_Part):
@@ -149,6 +161,9 @@ class LightingRecord(_Part):
         | None
     ) = None
     camera: CameraPart = CameraPart()
+    trust: Annotated[Trust, Field(strict=False)] | None = Field(
+        None, description="sure, unsure or no sun; computed from the others", examples=["sure"]
+    )
     evidence: _Texts = Field(
         [],
         description="the sources that the estimate uses",

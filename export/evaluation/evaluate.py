@@ -25,6 +25,7 @@ from export.evaluation.predictions import (
 )
 from export.evaluation.relighting import relight
 from export.evaluation.report import baseline_answers, format_report, in_view_report, photo_report, stated_figures
+from export.evaluation.trust import trust_report
 from lighting.color import tone_map
 from lighting.files import atomic_write
 from lighting.model import Model
@@ -103,6 +104,9 @@ def _sections(
     if (options.data / PHOTOS).exists():
         sections.append(photo_report(options.data / PHOTOS, models))
     scored = {protocol: c for protocol, c in crops.items() if c.truth.scored.any()}
+    for protocol, c in scored.items():
+        known = np.flatnonzero(c.truth.scored)
+        sections.append(trust_report(f"`{protocol}`", [c.predictions[i] for i in known.tolist()], c.truth.sun[known]))
     sections += diagnostic_sections(scored, options.out, failures=options.failures)
     if options.with_metadata:
         sections += [section for protocol, c in scored.items() for section in _metadata_sections(protocol, c)]

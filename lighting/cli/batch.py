@@ -17,7 +17,7 @@ import lighting.cli.console as console
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.photos import UNSUITABLE_STATUS
+from lighting.cli.photos import DOUBTED_STATUS, UNSUITABLE_STATUS
 from lighting.files import FileOptions, escape_undecodable, join_words
 from lighting.map_options import MapOptions
 
@@ -43,6 +43,7 @@ class _Options:
     user_input: "UserInput"
     model: str | None
     strict: bool
+    require: str | None
     as_json: bool
     quiet: bool
 
@@ -82,6 +83,7 @@ class _Options:
 @common.batch_input_options
 @common.model_option
 @common.strict_option
+@common.require_option
 @common.json_option
 @common.quiet_option
 @click.pass_context
@@ -108,7 +110,7 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
 
     results = Path(chosen.out, TABLE if chosen.engine == "ray" else JOURNAL)
     console.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json, err=True)
-    ctx.exit(1 if summary.failed else UNSUITABLE_STATUS if chosen.strict and _holds_unsuitable(results) else 0)
+    ctx.exit(1 if summary.failed else _status(chosen, results))
 
 
 def _choose_out(source: str, out: str | None, output: str | None) -> str:
@@ -128,12 +130,15 @@ def _describe_results(name: str) -> str | None:
     return f"jq . {shlex.quote(name)}" if shutil.which("jq") else None
 
 
-def _holds_unsuitable(results: Path) -> bool:
-    """Whether a photo is probably not of outdoors by daylight."""
-    from lighting.batch.results import read_suitable
+def _status(chosen: _Options, results: Path) -> int:
+    """The exit status where all photos have an answer."""
+    from lighting.batch.results import read_suitable, read_trust
     from lighting.records import MIN_SUITABLE
 
-    return any(share is not None and share < MIN_SUITABLE for share in read_suitable(results))
+    if chosen.strict and any(share is not None and share < MIN_SUITABLE for share in read_suitable(results)):
+        return UNSUITABLE_STATUS
+    doubted = chosen.require is not None and any(trust != chosen.require for trust in read_trust(results))
+    return DOUBTED_STATUS if doubted else 0
 
 
 def _refuse_idle_options(ctx: click.Context) -> None:

@@ -156,11 +156,14 @@ def _format_summary(name: str, lighting: "Lighting") -> str:
         lighting: its light.
     """
     from lighting.fields import format_azimuth, format_sun_elevation, format_tilt
+    from lighting.records import describe_candidates, describe_trust
 
+    candidates, by_hand = describe_candidates(lighting), lighting.radius_90 == 0.0
+    trust = "" if by_hand else f"; {describe_trust(lighting)}; "
     sun = f"sun {format_azimuth(lighting.sun_azimuth, 1)}, {format_sun_elevation(lighting.sun_elevation, 1)}"
     tilt, roll = format_tilt(lighting.camera_elevation, 1), round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
-        f"{escape_path(name)}: {sun}{_format_radii(lighting)}, "
+        f"{escape_path(name)}: {sun}{_format_radii(lighting)}{candidates and ', '}{candidates}{trust or ', '}"
         f"direct sunlight {100 * lighting.sun_visibility:.0f} %, turbidity {lighting.turbidity:.1f}; "
         f"camera looks {tilt}, roll {roll:.1f}°, "
         f"vertical field of view {lighting.vertical_fov:.1f}°{_format_headings(lighting)}"
@@ -263,6 +266,25 @@ def _open_input(name: str) -> Iterator[BinaryIO]:
         check_file_there(name)
         with Path(name).open("rb") as stream:
             yield stream
+
+
+def read_small_file(name: str, most: int) -> bytes:
+    """Read a file that is no photo.
+
+    Args:
+        name: of the file; "-" is stdin.
+        most: bytes that it may have.
+
+    Raises:
+        OSError: it cannot be read.
+        ParameterError: it has more bytes.
+    """
+    with _open_input(name) as stream:
+        data = stream.read(most + 1)
+    if len(data) > most:
+        sentence = f"{escape_path(name)} has over {most / 1e6:.0f} MB, which is too much."
+        raise ParameterError(sentence, code=ErrorCode.TOO_LARGE)
+    return data
 
 
 def check_there(name: str) -> None:

@@ -75,19 +75,23 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str) -> 
     """,
 )
 @common.file_output(console.PREVIEWS, several=True)
+@click.option("--candidates", is_flag=True, help="Draw the suns that --pick chooses from, side by side.")
 @common.photo_options("sun", "sky", "around", "adjustments")
 @click.pass_context
-def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
+def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> None:
     """Draw each PHOTO, its light and three spheres lit by it."""
     from lighting.ground import spot_warnings
 
+    stated = chosen.view.adjustments
+    if candidates and (stated.sun is not None or stated.pick is not None or stated.overcast):
+        raise click.UsageError("--candidates draws the suns to choose from; leave out --sun, --pick and --overcast.")
     names = console.choose_files(chosen.photos, chosen.output, console.PREVIEWS, overwrite=chosen.overwrite)
     console.check_json(chosen.as_json, names)
 
     def work(number: int, name: str, estimate: "Estimate") -> list[str]:
         output = names[number]
         _make_parent(output)
-        _write_preview(output, estimate, chosen.view)
+        _write_preview(output, estimate, chosen.view, candidates=candidates)
         warnings = (*estimate.warnings, *spot_warnings(estimate.lighting))
         chosen.print_estimate(name, estimate, warnings, {"output": output})
         return [output]
@@ -260,13 +264,14 @@ def _write_map(output: str, rendered: "RenderedMap", file: FileOptions) -> None:
         rendered.write(output, file)
 
 
-def _write_preview(output: str, estimate: "Estimate", view: MapOptions) -> None:
+def _write_preview(output: str, estimate: "Estimate", view: MapOptions, *, candidates: bool = False) -> None:
     """Draw a photo, its light and three spheres lit by it, as a PNG's file; "-" is stdout."""
     import numpy as np
 
     from lighting.files.deflate import encode_png
 
-    console.write_bytes(output, encode_png(np.asarray(estimate.preview(view))))
+    picture = estimate.preview_candidates(view) if candidates else estimate.preview(view)
+    console.write_bytes(output, encode_png(np.asarray(picture)))
 
 
 def _import_renderer() -> None:

@@ -9,7 +9,7 @@ import lighting.errors as errors
 from lighting.cli import cli, console
 from lighting.cli import options as common
 from lighting.cli.options import usage_errors
-from lighting.cli.photos import estimate_alone, load_estimator, strict_status
+from lighting.cli.photos import estimate_alone, lights_status, load_estimator
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ def _refuse_fit(_ctx: click.Context, _param: click.Parameter, value: str | None)
 @common.record_output("Also write the record to FILE.json, those of several photos to FILE.jsonl.")
 @common.json_option
 @common.strict_option
+@common.require_option
 @common.together_option
 @common.headings_option
 @click.option("--fit", hidden=True, expose_value=False, is_eager=True, callback=_refuse_fit, help="Removed.")
@@ -109,6 +110,7 @@ def _estimate(
     user_input: "UserInput",
     model: str | None,
     strict: bool,
+    require: str | None,
     quiet: bool,
     **taken_together: Any,
 ) -> None:
@@ -146,7 +148,7 @@ def _estimate(
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
     if output is not None and lights:
         console.write_records(output, lines, quiet=quiet or as_json)
-    ctx.exit(1 if failed else strict_status(lights, strict))
+    ctx.exit(1 if failed else lights_status(lights, strict, require))
 
 
 def _warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | None) -> None:

@@ -30,6 +30,7 @@ from lighting.map_options import (
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from lighting.fusion.drawn_camera import KnownCamera
     from lighting.fusion.user_input import UserInput
     from lighting.photo_estimate import Estimate
 
@@ -308,7 +309,7 @@ _ADJUSTMENTS: dict[str, Decorator] = {  # by the parameters of a command
     ),
     **{
         name: _text_option(name, option_texts(Adjustments)[name], getattr(Adjustments, name))
-        for name in ("haze", "overcast")
+        for name in ("haze", "overcast", "pick")
     },
 }
 _SWITCHES: dict[str, Decorator] = {  # that `around` replaces, until 0.4.0
@@ -347,6 +348,8 @@ def map_options(*names: str, without_detail: str = Around.PHOTO.value) -> Decora
                 sun, *others = (values.pop(name) for name in _ADJUSTMENTS)
                 if sun is not None and fields_of["sun"] is False:
                     raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
+                if others[-1] is not None and fields_of["sun"] is False:
+                    raise click.UsageError("--pick chooses a sun, and --no-sun leaves it out: choose one.")
                 fields_of["sun"] = True if sun is not None else fields_of["sun"]
                 with usage_errors():
                     fields_of["adjustments"] = Adjustments(sun, *others)
@@ -426,6 +429,9 @@ json_option = click.option("--json", "as_json", is_flag=True, help="JSON on stdo
 strict_option = click.option(
     "--strict", is_flag=True, help="Exit with status 3 if a photo is probably not an outdoor daylight photo."
 )
+require_option = click.option(
+    "--require", type=click.Choice(["sure"]), help="Exit with status 4 if an answer is unsure, or finds no sun."
+)
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 silent_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")
 
@@ -471,6 +477,19 @@ def _parsed(read: Callable[[str], _Value], text: str) -> _Value:
         return read(text)
     except ParameterError as error:
         raise click.BadParameter(str(error)) from error
+
+
+def _fspy_camera(_ctx: click.Context, _param: click.Parameter, name: str | None) -> "KnownCamera | None":
+    if name is None:
+        return None
+    from lighting.cli.console import read_small_file
+    from lighting.fusion.drawn_camera import MAX_FSPY_BYTES, read_fspy
+
+    data = read_small_file(name, MAX_FSPY_BYTES)
+    try:
+        return read_fspy(data)
+    except ParameterError as error:
+        raise click.BadParameter(f"{name}: {error}") from error
 
 
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
@@ -524,6 +543,28 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         help="A shadow, in pixels: from the foot of what casts it to its tip, then the thing's top. Repeatable. "
         "Also own:X,Y, head:X,Y, line:X,Y,X,Y and lit:X,Y,X,Y.",
     ),
+    "horizon": click.option(
+        "--horizon", metavar="X,Y,X,Y", help="Two points of the horizon, in pixels: the camera's tilt."
+    ),
+    "verticals": click.option(
+        "--vertical",
+        "verticals",
+        metavar="X,Y,X,Y",
+        multiple=True,
+        help="A line along an edge that stands upright: tilt and, of two or more, the lens. Repeatable.",
+    ),
+    "reference": click.option(
+        "--reference",
+        metavar="X,Y,X,Y,METERS",
+        help="A thing of known size, from its foot to its top: the camera's height. ground:... of one that lies.",
+    ),
+    "camera": click.option(
+        "--camera",
+        metavar="FILE",
+        type=FileName(),
+        callback=_fspy_camera,
+        help="The camera by fSpy: its project (.fspy), or its JSON.",
+    ),
     "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
 }
 together_option = click.option("--together", is_flag=True, help="Combine photos of one place, taken in the same light.")
@@ -545,8 +586,9 @@ def _options(*names: str) -> Decorator:
             check_coordinates(values["latitude"], values["longitude"])
             with usage_errors():
                 user_input = UserInput(**values)
-            if user_input.shadows and len(options.get("photos", ())) > 1:
-                raise click.UsageError("--shadow is of one photo; give that photo alone.")
+            if user_input.drawn_fields and len(options.get("photos", ())) > 1:
+                names_of = option_name(user_input.drawn_fields[0])
+                raise click.UsageError(f"{names_of} is of one photo; give that photo alone.")
             command(*args, user_input=user_input, **options)
 
         return _add_options(with_user_input, *(_OPTIONS[name] for name in names))
@@ -556,7 +598,9 @@ def _options(*names: str) -> Decorator:
 
 # What the user states of a photo; a command receives it as `user_input`. Contradictions are wrong usage.
 user_input_options = _options(*_OPTIONS)
-batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading", "shadows")))
+_DRAWN = ("shadows", "horizon", "verticals", "reference", "camera")  # in one photo
+clip_input_options = _options(*(name for name in _OPTIONS if name not in _DRAWN))
+batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading", *_DRAWN)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -577,6 +621,8 @@ class PhotoOptions:
     """A network's file. None: the one in this package."""
     strict: bool
     """Whether an unsuitable photo gives another exit status."""
+    require: str | None
+    """The trust that each answer must have, or the exit status is another. None: any."""
     as_json: bool
     """Whether lines are JSON."""
     quiet: bool
@@ -619,6 +665,7 @@ def photo_options(*names: str) -> Decorator:
             user_input_options,
             model_option,
             strict_option,
+            require_option,
             json_option,
             silent_option,
         )

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lighting.records import Lighting
 
 UNSUITABLE_STATUS = 3  # of --strict, where a photo is probably none of outdoors by daylight
+DOUBTED_STATUS = 4  # of --require, where an answer is less sure
 
 
 def process_photos(
@@ -31,8 +32,8 @@ def process_photos(
 ) -> None:
     """Estimate the light of each photo, work on it, say what was written, and end the command with its status.
 
-    That is 1 where a photo failed, and 3 where --strict finds one unfit. An error of the only photo ends the command;
-    of several, the others go on.
+    That is 1 where a photo failed, 3 where --strict finds one unfit, 4 where --require finds one less sure. An error
+    of the only photo ends the command; of several, the others go on.
 
     Args:
         ctx: of click.
@@ -62,7 +63,7 @@ def process_photos(
     if failed:
         click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
     console.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
-    ctx.exit(1 if failed else strict_status(lights, chosen.strict))
+    ctx.exit(1 if failed else lights_status(lights, chosen.strict, chosen.require))
 
 
 def _photo_estimator(chosen: PhotoOptions, meanwhile: Callable[[], object]) -> "Callable[[str], Estimate]":
@@ -126,17 +127,20 @@ def estimate_alone(
         return estimate_once(read, load, user_input, thread=thread, meanwhile=meanwhile)
 
 
-def strict_status(lights: Sequence["Lighting"], strict: bool) -> int:
+def lights_status(lights: Sequence["Lighting"], strict: bool, require: str | None) -> int:
     """Return the exit status for lights that could be estimated.
 
     Args:
         lights: of photos.
         strict: whether one of a photo that is probably not of outdoors by daylight counts.
+        require: the trust that each must have; None: any.
     """
     from lighting.records import MIN_SUITABLE
 
     unfit = strict and any(light.suitable is not None and light.suitable < MIN_SUITABLE for light in lights)
-    return UNSUITABLE_STATUS if unfit else 0
+    if unfit:
+        return UNSUITABLE_STATUS
+    return DOUBTED_STATUS if require is not None and any(light.trust != require for light in lights) else 0
 
 
 def load_estimator(model: str | None) -> "Estimator":

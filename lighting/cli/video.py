@@ -13,7 +13,7 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
-from lighting.cli.photos import strict_status
+from lighting.cli.photos import lights_status
 from lighting.files import escape_undecodable, join_words, output_folder_error
 from lighting.map_options import Around
 from lighting.scene import EXPORTERS, animated_tools
@@ -61,7 +61,7 @@ def _curves() -> tuple[str, ...]:
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
 @common.map_options("height", "sun", "around", "adjustments", without_detail=Around.PLAIN)
-@common.user_input_options
+@common.clip_input_options
 @common.model_option
 @common.strict_option
 @common.json_option
@@ -117,7 +117,7 @@ def _video(
     _report(clip, result, quiet=quiet or as_json)
     if result.lights:
         console.report_written([str(folder)], lambda name: _how_to_open(name, options), quiet=quiet or as_json)
-    ctx.exit(1 if result.failed else strict_status(result.lights, strict))
+    ctx.exit(1 if result.failed else lights_status(result.lights, strict, None))
 
 
 def _how_to_open(folder: str, options: "Json") -> str | None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lighting.color import luminance
+from lighting.decoding import visibility_attenuation
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
 from lighting.envmap.render import clear_irradiance, sky_irradiance, sun_light, with_irradiance
 from lighting.errors import ErrorCode, ParameterError
@@ -56,7 +57,11 @@ def rotate_lighting(lighting: Lighting, yaw: float) -> Lighting:
     _check_yaw(yaw)
     azimuth = round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _ANGLE_DIGITS)
     relative = None if lighting.relative_heading is None else _heading(lighting.relative_heading - yaw)
-    rotated = replace(lighting, sun_azimuth=azimuth, relative_heading=relative)
+    candidates = tuple(
+        replace(sun, azimuth=round(float(wrap_azimuth(sun.azimuth + yaw)), _ANGLE_DIGITS))
+        for sun in lighting.sun_candidates
+    )
+    rotated = replace(lighting, sun_azimuth=azimuth, sun_candidates=candidates, relative_heading=relative)
     if lighting.spot_direction is not None:
         spot_azimuth, spot_elevation = angles(lighting.spot_direction)
         rotated = replace(rotated, spot_direction=_to_unit(direction(spot_azimuth + yaw, spot_elevation)))
@@ -123,6 +128,8 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
     """
     check_lighting(lighting)
     values: Any = dict(changes)
+    if not changes.keys().isdisjoint(("sun_azimuth", "sun_elevation")):
+        values.setdefault("sun_candidates", ())
     changed = _keep_spot_pixel(lighting, replace(lighting, **values))
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
         return _darken_set_sun(changed, changes)
@@ -194,24 +201,51 @@ def light_of_map(lighting: Lighting, options: MapOptions) -> Lighting:
 def adjust_lighting(lighting: Lighting, adjustments: Adjustments) -> Lighting:
     """The light as a user adjusts it: another sun, haze, a covered sky, and last a gain.
 
-    Powers follow as in `edit_lighting`. The radii around a sun that was set by hand are 0.
+    Powers follow as in `edit_lighting`. The radii around a sun that was set by hand are 0, and it shines: where the
+    light had none, it is as strong as the sky's light, or as the network has a sun there, if that is more.
 
     Args:
         lighting: before, else ParameterError.
         adjustments: what changes.
+
+    Raises:
+        ParameterError: the sun that is picked is none of the light's.
     """
     check_lighting(lighting)
     changes: dict[str, float | Color] = {}
-    if adjustments.sun is not None:
-        azimuth, elevation = adjustments.sun
+    sun = adjustments.sun if adjustments.pick is None else _picked_sun(lighting, adjustments.pick)
+    if sun is not None:
+        azimuth, elevation = sun
         changes = {"sun_azimuth": float(wrap_azimuth(azimuth)), "sun_elevation": float(elevation)}
         changes |= {"radius_50": 0.0, "radius_90": 0.0}
+        lighting = lighting if lighting.sun_shines or elevation < 0 else _with_shining_sun(lighting)
     if adjustments.haze is not None:
         changes["turbidity"] = float(adjustments.haze)
     adjusted = edit_lighting(lighting, changes) if changes else lighting
     if adjustments.overcast:
         adjusted = _cover_sky(adjusted)
     return scale_exposure(adjusted, np.full(3, 2.0**adjustments.exposure)) if adjustments.exposure else adjusted
+
+
+def _picked_sun(lighting: Lighting, number: int) -> tuple[float, float]:
+    """Azimuth and elevation [deg] of the candidate of a number, from 1; ParameterError where there is none."""
+    candidates = lighting.sun_candidates
+    if number > len(candidates):
+        listed = "no suns" if not candidates else f"{len(candidates)} sun{'s' * (len(candidates) > 1)}"
+        predicate = f"is {number}, and the answer lists {listed}."
+        raise ParameterError.about("pick", predicate, ErrorCode.OUT_OF_RANGE)
+    return candidates[number - 1].azimuth, candidates[number - 1].elevation
+
+
+def _with_shining_sun(lighting: Lighting) -> Lighting:
+    """The light with direct sunlight, where it has none."""
+    if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
+        return replace(lighting, sun_visibility=1.0)
+    sun, sky = np.array(lighting.sun_irradiance), np.array(lighting.sky_irradiance)
+    sun = sun / max(visibility_attenuation(lighting.sun_visibility), EPSILON_IRRADIANCE)
+    gain = float(luminance(sky)) / max(float(luminance(sun)), EPSILON_IRRADIANCE)
+    sun = sky if not sun.any() else sun * max(gain, 1.0)
+    return replace(lighting, sun_visibility=1.0, sun_irradiance=clip_color(sun, "sun_irradiance"))
 
 
 def _cover_sky(lighting: Lighting) -> Lighting:

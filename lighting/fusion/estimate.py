@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines
 from lighting.decoding import (
+    candidate_suns,
     correct_sun_color,
     doubts_sun,
     lighting_from_prediction,
@@ -28,12 +29,13 @@ from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, sha
 from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.fields import clip_to_range, round_significant
+from lighting.fusion.drawn_camera import Reference, height_by_reference
 from lighting.fusion.instants import Instant, resolve_hemisphere
 from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_single
 from lighting.fusion.shadows import move_mark
 from lighting.fusion.single_view import Observations, Posterior, fuse_single_view, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
-from lighting.geometry import angles
+from lighting.geometry import Pinhole, angles
 from lighting.ground import describe_ground
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import is_blank, is_false_color, is_panorama
@@ -110,7 +112,7 @@ def _check_metadata(
     about_kind = (CodedWarning(_PANORAMA, WarningCode.PANORAMA),) if metadata.is_panorama else ()
     about_lens: tuple[CodedWarning, ...] = ()
     about_place: tuple[CodedWarning, ...] = ()
-    if user_input.vertical_fov is None:
+    if user_input.vertical_fov is None and user_input.camera is None:
         metadata, about_lens = _choose_lens(metadata, prediction.vertical_fov)
     if user_input.latitude is None:
         metadata, about_place = resolve_hemisphere(metadata)
@@ -187,9 +189,10 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
         time_source=source,
         **headings,
     )
-    light = posterior.prediction.light
+    light, distribution = posterior.prediction.light, posterior.on_cells()
     around = light.surroundings if light else None
-    return EstimatedLight(answer, posterior.on_cells(), around)
+    answer = replace(answer, sun_candidates=candidate_suns(answer, posterior.directions, distribution))
+    return EstimatedLight(answer, distribution, around)
 
 
 def _chosen_instant(posterior: Posterior, prior: MetadataPrior) -> Instant | None:
@@ -305,20 +308,45 @@ def estimate_light(photo: Photo, predicted: PhotoPrediction, user_input: UserInp
     """
     prior = observations_single(predicted.metadata, user_input)
     observed = replace(prior, warnings=(*photo.warnings, *predicted.warnings, *prior.warnings))
-    observations = _with_shadows(observed.observations, photo, user_input)
+    observations = _with_drawn(observed.observations, photo, user_input)
     posterior = fuse_single_view(predicted.prediction, observations, photo.pixels)
+    if user_input.reference is not None:
+        height = _height_by_reference(user_input.reference, photo, posterior.prediction)
+        observed = replace(observed, camera_height=height)
     estimate = build_estimate(posterior, observed)
     estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial)
     return apply_photo_colors([photo], [estimate])[0]
 
 
-def _with_shadows(observations: Observations, photo: Photo, user_input: UserInput) -> Observations:
-    """The same with the user's marks, in pixels of the photo without its border."""
-    if not user_input.shadows:
+def _with_drawn(observations: Observations, photo: Photo, user_input: UserInput) -> Observations:
+    """The same with what the user drew, in pixels of the photo without its border."""
+    drawn = user_input.drawn_camera
+    if not user_input.shadows and drawn is None:
         return observations
-    left, top = (0, 0) if photo.crop is None else (photo.crop.left, photo.crop.top)
-    shadows = tuple(move_mark(mark, -left, -top) for mark in user_input.shadows)
-    return replace(observations, shadows=shadows, picture_size=(photo.width, photo.height))
+    left, top = _border(photo)
+    return replace(
+        observations,
+        shadows=tuple(move_mark(mark, -left, -top) for mark in user_input.shadows),
+        camera=drawn and drawn.move(-left, -top),
+        picture_size=(photo.width, photo.height),
+    )
+
+
+def _border(photo: Photo) -> tuple[int, int]:
+    """Columns and rows of the border on the photo's left and above it."""
+    return (0, 0) if photo.crop is None else (photo.crop.left, photo.crop.top)
+
+
+def _height_by_reference(reference: Reference, photo: Photo, prediction: Prediction) -> float:
+    """The camera's height [m] by a thing of known size, with the fused camera."""
+    camera = Pinhole(
+        *(photo.width, photo.height, prediction.vertical_fov, 0.0),
+        *(prediction.camera_elevation, prediction.camera_roll),
+    )
+    left, top = _border(photo)
+    (x, y), (end_x, end_y) = reference.start, reference.end
+    moved = replace(reference, start=(x - left, y - top), end=(end_x - left, end_y - top))
+    return height_by_reference(moved, camera)
 
 
 def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLight]) -> list[EstimatedLight]:

@@ -29,7 +29,8 @@ from lighting.color import luminance
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES, format_azimuth, format_tilt
-from lighting.fusion.shadows import ShadowMark, fuse_shadows, implied_azimuth
+from lighting.fusion.drawn_camera import DrawnCamera, fit_camera
+from lighting.fusion.shadows import OwnShadow, ShadowMark, fuse_shadows, implied_azimuth
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode
 from lighting.sun_grid import (
@@ -50,6 +51,7 @@ COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median
 COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that say nothing: the uniform part of the prior
 
 _CAMERA_ELEVATION_STD = 3.5  # deg, of the network: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
+_DRAWN_STD = 0.5  # deg, of the camera's elevation by a horizon that a person drew
 _CAMERA_ROLL_STD = 2.0  # deg, of the network: 68 % of the crops of `val` lie within 1.0 (paper) and 2.3 deg (phone)
 MAX_TILT_DISAGREEMENT = 20.0  # deg; 1 % of the crops of `val` differ more from gravity (0.2 % of paper, 2 % of phone)
 _MAX_LEARNED_ELEVATION = 35.0  # deg up and down: the network learned from no steeper cameras and predicts none
@@ -108,8 +110,10 @@ class Observations:
     """Probability of each candidate before the pixels; () where all are alike."""
     shadows: tuple[ShadowMark, ...] = ()
     """What the user marked, in pixels of a picture of `picture_size`."""
+    camera: DrawnCamera | None = None
+    """What the user states of the camera, in the same pixels. None: nothing."""
     picture_size: tuple[int, int] = (0, 0)
-    """Columns and rows of the upright photo without its border; (0, 0) without shadows."""
+    """Columns and rows of the upright photo without its border; (0, 0) where nothing is drawn in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +177,9 @@ def fuse_single_view(
     probability = reproject_sun(prediction, _with_lens(leveled.prediction, leveled.observations), sun)
     reprojected = replace(leveled.prediction, sun_probability=probability)
     posterior = fuse_with_gravity(replace(leveled, prediction=reprojected))
-    return _tilt_to_ephemeris(posterior, reprojected, camera_elevation_std(leveled.observations.gravity))
+    drawn = leveled.observations.camera is not None
+    tilt_std = _DRAWN_STD if drawn else camera_elevation_std(leveled.observations.gravity)
+    return _tilt_to_ephemeris(posterior, reprojected, tilt_std)
 
 
 def fuse(prediction: Prediction, observations: Observations) -> Posterior:
@@ -223,12 +229,36 @@ def fuse_gravity(prediction: Prediction, observations: Observations) -> _Gravity
         prediction: of the network.
         observations: from metadata and user.
     """
+    if observations.camera is not None:
+        return _fuse_drawn_camera(prediction, observations, observations.camera)
     if observations.gravity is None:
         return _GravityFused(prediction, observations)
     if (warning := _contradiction(prediction, observations.gravity, observations.subject)) is not None:
         return _GravityFused(prediction, replace(observations, gravity=None), (warning,))
     elevation, roll = _fused_tilt(prediction, observations.gravity)
     return _GravityFused(replace(prediction, camera_elevation=elevation, camera_roll=roll), observations)
+
+
+def _fuse_drawn_camera(prediction: Prediction, observations: Observations, drawn: DrawnCamera) -> _GravityFused:
+    """The same with the camera that the user drew, in place of what the file says of its tilt."""
+    camera, lens = observed_camera(prediction, observations), observations.vertical_fov
+    fitted = fit_camera(camera, drawn, lens_known=lens is not None)
+    changed = replace(
+        prediction, camera_elevation=fitted.elevation, camera_roll=fitted.roll, vertical_fov=fitted.vertical_fov
+    )
+    kept = None if drawn.known is not None else lens
+    return _GravityFused(changed, replace(observations, gravity=None, vertical_fov=kept))
+
+
+def observed_camera(prediction: Prediction, observations: Observations) -> Pinhole:
+    """Return the camera of a photo in which a person drew.
+
+    Args:
+        prediction: with its elevation and roll, and with its field of view unless the lens is known.
+        observations: with `picture_size`.
+    """
+    fov = _with_lens(prediction, observations).vertical_fov
+    return Pinhole(*observations.picture_size, fov, 0.0, prediction.camera_elevation, prediction.camera_roll)
 
 
 def camera_elevation_std(gravity: Gravity | None) -> float:
@@ -286,20 +316,19 @@ def _fuse_shadows(leveled: _GravityFused) -> _GravityFused:
     prediction, observations = leveled.prediction, leveled.observations
     if not observations.shadows:
         return leveled
-    fov = _with_lens(prediction, observations).vertical_fov
-    camera = Pinhole(*observations.picture_size, fov, 0.0, prediction.camera_elevation, prediction.camera_roll)
+    camera = observed_camera(prediction, observations)
     cells = grid_directions(prediction.spec.sun_grid)
     probability = fuse_shadows(prediction.sun_probability, observations.shadows, camera, cells)
     pixels = float(angles(prediction.sun_direction)[0])
-    stated = [azimuth for mark in observations.shadows if (azimuth := implied_azimuth(mark, camera)) is not None]
     warnings = [
         CodedWarning(
-            f"A shadow has the sun {format_azimuth(azimuth)}, the {observations.subject} "
-            f"{format_azimuth(pixels)}: is its other end the foot?",
+            f"A shadow has the sun {format_azimuth(azimuth)}, the {observations.subject} {format_azimuth(pixels)}: "
+            + ("is it the camera's own?" if isinstance(mark, OwnShadow) else "is its other end the foot?"),
             WarningCode.SHADOW_CONTRADICTED,
         )
-        for azimuth in stated
-        if abs(float(wrap_azimuth(azimuth - pixels))) > _MAX_SHADOW_DIFFERENCE
+        for mark in observations.shadows
+        if (azimuth := implied_azimuth(mark, camera)) is not None
+        and abs(float(wrap_azimuth(azimuth - pixels))) > _MAX_SHADOW_DIFFERENCE
     ]
     fused = replace(prediction, sun_probability=probability)
     return replace(leveled, prediction=fused, warnings=(*leveled.warnings, *warnings))
@@ -436,6 +465,7 @@ def _used_evidence(prediction: Prediction, observations: Observations) -> tuple[
         EvidenceKind.FOCAL_LENGTH: observations.vertical_fov is not None,
         EvidenceKind.GRAVITY: observations.gravity is not None,
         EvidenceKind.SHADOW: bool(observations.shadows),
+        EvidenceKind.DRAWN_CAMERA: observations.camera is not None,
         EvidenceKind.CAMERA_EXPOSURE: prediction.light is not None and observations.exposure_value is not None,
     }
     return tuple(kind for kind, used in is_used.items() if used)

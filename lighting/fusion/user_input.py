@@ -10,6 +10,16 @@ import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, describe_fields
+from lighting.fusion.drawn_camera import (
+    DrawnCamera,
+    KnownCamera,
+    Line,
+    Reference,
+    check_line,
+    check_reference,
+    read_line,
+    read_reference,
+)
 from lighting.fusion.shadows import ShadowMark, check_marks, read_shadow
 from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
 
@@ -42,6 +52,14 @@ class UserInput:
     """Whether the answer may hold latitude and longitude."""
     shadows: tuple[ShadowMark, ...] = ()
     """What the user marked in the photo, in pixels of the upright picture."""
+    horizon: Line | None = None
+    """Two points of the horizon: x, y, x, y in pixels of the upright picture."""
+    verticals: tuple[Line, ...] = ()
+    """Edges that stand upright in the world, as `horizon`."""
+    reference: Reference | None = None
+    """A thing of known size, which gives the camera's height."""
+    camera: KnownCamera | None = None
+    """The camera that another program has found, such as fSpy."""
 
     def __init__(
         self,
@@ -56,6 +74,10 @@ class UserInput:
         camera_height: float | None = None,
         keep_location: bool = False,
         shadows: Sequence[ShadowMark | str] = (),
+        horizon: Line | str | None = None,
+        verticals: Sequence[Line | str] = (),
+        reference: Reference | str | None = None,
+        camera: KnownCamera | None = None,
         lat: float | None = None,
         lon: float | None = None,
         fov: float | None = None,
@@ -75,6 +97,11 @@ class UserInput:
             keep_location: whether the answer may hold latitude and longitude.
             shadows: Shadow, OwnShadow, ShadowLine and LitSide of `lighting.fusion.shadows`, also as texts such as
                 "310,820,455,790"; see `read_shadow`.
+            horizon: x, y, x, y of two points of the horizon in pixels of the upright picture, also as a text.
+            verticals: lines along edges that stand upright in the world, as `horizon`.
+            reference: a thing of known size, also as a text such as "310,820,305,400,1.8"; see `read_reference` of
+                `lighting.fusion.drawn_camera`.
+            camera: that another program has found, such as `read_fspy` of `lighting.fusion.drawn_camera` reads.
             lat: short for `latitude`.
             lon: short for `longitude`.
             fov: short for `vertical_fov`.
@@ -97,6 +124,10 @@ class UserInput:
             "camera_height": camera_height,
             "keep_location": keep_location,
             "shadows": tuple(read_shadow(mark) if isinstance(mark, str) else mark for mark in shadows),
+            "horizon": read_line(horizon, "horizon") if isinstance(horizon, str) else horizon,
+            "verticals": tuple(read_line(line, "verticals") if isinstance(line, str) else line for line in verticals),
+            "reference": read_reference(reference) if isinstance(reference, str) else reference,
+            "camera": camera,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -120,7 +151,41 @@ class UserInput:
             check_location(self.latitude, self.longitude)
         if self.shadows:
             check_marks(self.shadows)
+        self._check_camera()
         self._check_time()
+
+    @property
+    def drawn_fields(self) -> tuple[str, ...]:
+        """The stated fields that are of one photo alone, for they are drawn in it."""
+        return tuple(n for n in ("shadows", "horizon", "verticals", "reference", "camera") if getattr(self, n))
+
+    @property
+    def drawn_camera(self) -> DrawnCamera | None:
+        """What the user states of the camera in the photo; None: nothing."""
+        if self.camera is None and self.horizon is None and not self.verticals:
+            return None
+        return DrawnCamera(self.horizon, self.verticals, self.camera)
+
+    def _check_camera(self) -> None:
+        if self.horizon is not None:
+            check_line(self.horizon, "horizon")
+        for line in self.verticals:
+            check_line(line, "verticals")
+        if self.reference is not None:
+            check_reference(self.reference)
+            if self.camera_height is not None:
+                sentence = "A thing of known size gives the camera's height; leave out one of both."
+                raise ParameterError(sentence, "reference", ErrorCode.CONTRADICTION)
+        if self.camera is None:
+            return
+        if not isinstance(self.camera, KnownCamera):
+            sentence = f"A camera is a KnownCamera, not {type(self.camera).__name__}."
+            raise ParameterError(sentence, "camera", ErrorCode.WRONG_TYPE)
+        for name, field_name in (("elevation", "camera_elevation"), ("roll", "camera_roll"), ("vertical_fov",) * 2):
+            check_range("camera", getattr(self.camera, name), *RANGES[field_name])
+        if self.horizon is not None or self.verticals or self.vertical_fov is not None:
+            sentence = "A camera is known, so horizon, upright lines and field of view are, too; leave them out."
+            raise ParameterError(sentence, "camera", ErrorCode.CONTRADICTION)
 
     def explicit_fields(self) -> dict[str, object]:
         """The fields that the user stated, by name."""

@@ -48,6 +48,7 @@ _MAX_TEXT_SHARE = 0.08  # of the height, of a line of text on a smooth bar
 _SMOOTH_SHARE = 0.95  # of a row's pixels that do
 _COPY_SIDE = 48  # pixels, at which a blurred copy is compared
 _COPY_CORRELATION = 0.5
+_MAX_GAIN_RATIO = 1.6  # of one bar's brightness by that of the copy to another's
 _STEREO_CORRELATION = 0.6  # of halves; of 673 photos one has more, whose rows differ in brightness
 _STEREO_DIFFERENCE = 12.0  # gray levels between the means of rows
 _SEAM_SHARE = 0.55  # of a seam's pixels at which the picture changes more than beside it
@@ -405,7 +406,7 @@ def _is_gradient(part: NDArray[np.int16], inner: _Box) -> bool:
 
 
 def _is_blurred_copy(part: NDArray[np.int16], inner: _Box) -> bool:
-    """Whether the bars show the inner picture enlarged to fill the whole, as far as blur leaves anything."""
+    """Whether the bars show the inner picture enlarged to fill the whole, alike darkened, as far as blur leaves it."""
     height, width = part.shape[:2]
     image = Image.fromarray(part.astype(np.uint8)).convert("L")
     scale = max(width / (inner.right - inner.left), height / (inner.bottom - inner.top))
@@ -418,10 +419,14 @@ def _is_blurred_copy(part: NDArray[np.int16], inner: _Box) -> bool:
     rows, columns = np.mgrid[:_COPY_SIDE, :_COPY_SIDE]
     rows, columns = (rows + 0.5) / _COPY_SIDE * height, (columns + 0.5) / _COPY_SIDE * width
     margin = 0.5 * max(height, width) / _COPY_SIDE
-    outside = (rows < inner.top - margin) | (rows > inner.bottom + margin)
-    outside |= (columns < inner.left - margin) | (columns > inner.right + margin)
+    bars = [rows < inner.top - margin, rows > inner.bottom + margin]
+    bars += [columns < inner.left - margin, columns > inner.right + margin]
+    outside = np.logical_or.reduce(bars)
     a, b = actual[outside], copied[outside]
     if len(a) < 8 or min(a.std(), b.std()) < 1.0:
+        return False
+    gains = [(actual[bar].mean() + _STEP) / (copied[bar].mean() + _STEP) for bar in bars if bar.any()]
+    if max(gains) > _MAX_GAIN_RATIO * min(gains):  # a sky and a band of another color below
         return False
     return float(np.corrcoef(a, b)[0, 1]) >= _COPY_CORRELATION
 

@@ -37,7 +37,16 @@ from lighting.preview.spheres import (
     render_sphere_scene,
     sphere_centers,
 )
-from lighting.records import MIN_SUITABLE, EstimatedLight, Lighting, SunDistribution, check_estimate
+from lighting.records import (
+    MIN_SUITABLE,
+    EstimatedLight,
+    Lighting,
+    SunCandidate,
+    SunDistribution,
+    check_estimate,
+    describe_candidates,
+    describe_trust,
+)
 from lighting.segmentation import Segments
 from lighting.sun_grid import grid_directions
 
@@ -145,6 +154,44 @@ def draw_preview_pixels(
     return np.asarray(canvas)
 
 
+def draw_candidates_pixels(
+    photo: NDArray[np.uint8],
+    suns: Sequence[SunCandidate],
+    views: Sequence[tuple[Lighting, NDArray[np.float32]]],
+    segments: Segments | None = None,
+) -> NDArray[np.uint8]:
+    """The photo in the light of each of its suns, side by side, as sRGB pixels (H, 1600, 3).
+
+    Args:
+        photo: (H, W, 3) sRGB, upright.
+        suns: N, one or more.
+        views: N, the light with that sun, and its map (H, 2H, 3) in the photo's linear values.
+        segments: of the photo; None: nothing stands before its ground.
+    """
+    photo, count = check_pixels(photo), len(suns)
+    aspect = min(max(photo.shape[1] / photo.shape[0], 0.5), 2.0)
+    width = (WIDTH - 2 * _MARGIN - (count - 1) * _GAP) // count
+    height = round(min(width / aspect, _UPRIGHT_HEIGHT))
+    top, below = _MARGIN + _CAPTION, _MARGIN + _CAPTION + height + _GAP
+    canvas = Image.new("RGB", (WIDTH, below + width // 2 + _MARGIN), BACKGROUND)
+    for number, (sun, (light, envmap)) in enumerate(zip(suns, views, strict=True)):
+        left = _MARGIN + number * (width + _GAP)
+        box, spheres = _Box(left, top, width, height), _Box(left, below, width, width // 2)
+        centers = sphere_centers(spheres.width / spheres.height, limit_pitch(light))
+        scene = build_sphere_scene(check_envmap(envmap), light.sun_direction, centers)
+        in_photo = scene if light.sun_irradiance is not None and light.spot_pixel is not None else None
+        where = f"{format_azimuth(sun.azimuth)}, {format_sun_elevation(sun.elevation)}"
+        caption = f"--pick {number + 1}: {where} ({100 * sun.probability:.0f} %)"
+        size = _fit_text_size(caption, _LETTERS + 2, width)
+        draw_text(canvas, (left, top - _CAPTION + 2), caption, TextStyle(size, TEXT))
+        for place, panel in (
+            (box, _draw_photo_panel(photo, light, box, in_photo, segments)),
+            (spheres, _spheres_panel(scene, light, spheres)),
+        ):
+            canvas.paste(panel, (place.x, place.y), rounded_mask(panel.size, 10))
+    return np.asarray(canvas)
+
+
 def _spheres_panel(scene: SphereScene, lighting: Lighting, box: _Box) -> Image.Image:
     linear = render_sphere_scene(scene, lighting, box.width, box.height, supersampling=2)
     return Image.fromarray(drawing.display_srgb(linear)).reduce(2)
@@ -168,13 +215,15 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
         accuracy = "set by hand"
     elif visible:
         half, most = _format_short(lighting.radius_50), _format_short(lighting.radius_90)
-        accuracy = f"half of the probability lies within {half}°, 90 % within {most}°"
+        words = (describe_trust(lighting), describe_candidates(lighting))
+        accuracy = f"half of the probability lies within {half}°, 90 % within {most}°; {'; '.join(filter(None, words))}"
     elif lighting.sun_elevation < 0:
         accuracy = f"twilight: the sun is {where}"
     else:
-        accuracy = f"an overcast or shaded scene; if the sun shone, it would {hedge}be {where}"
-    draw_text(canvas, (_MARGIN, _MARGIN + 40), accuracy, TextStyle(20, MUTED))
+        accuracy = f"an overcast or shaded scene; if it shone, it would {hedge}be {where}; {describe_trust(lighting)}"
     model = f"{lighting.model_name} {lighting.model_version}"
+    size = _fit_text_size(accuracy, 20, WIDTH - 2 * _MARGIN - _GAP - text_width(model, 18))
+    draw_text(canvas, (_MARGIN, _MARGIN + 40), accuracy, TextStyle(size, MUTED))
     draw_text(canvas, (WIDTH - _MARGIN, _MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
     draw_text(canvas, (WIDTH - _MARGIN, _MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
     for number, line in enumerate(_warning_lines(lighting)):

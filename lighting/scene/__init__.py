@@ -124,6 +124,11 @@ EXPORTERS: dict[str, Exporter] = {
         opened_by="in Unity, Assets > Import Package > Custom Package: {file}, then Tools > Light from a Photo "
         "(not run in the engine yet)",
     ),
+    "fspy": Exporter(
+        _import_function("lighting.scene.fspy", "write_fspy"),
+        files=("scene.fspy", "camera.json", *SHARED_FILES),
+        opened_by="import {file} with fSpy's add-on for Blender, or camera.json beside it with fSpy's other importers",
+    ),
     "mitsuba": Exporter(
         _import_function("lighting.scene.mitsuba", "write_mitsuba"),
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),

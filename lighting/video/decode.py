@@ -35,9 +35,8 @@ from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
 from lighting.records import CodedWarning
-from lighting.registration.two_view import import_opencv
 from lighting.tracing import trace_step
-from lighting.video.framing import SAMPLE_SIDE, Framing, find_framing, looks_logarithmic
+from lighting.video.framing import SAMPLE_SIDE, Framing, fill_overlay, find_framing, looks_logarithmic
 from lighting.video.gpmf import SAMPLE_START, read_gps_fix
 from lighting.video.metadata import (
     LOOKS_LOGARITHMIC,
@@ -90,7 +89,6 @@ _SCALING = {  # by the form that is asked for
     "rgb48le": _AREA,  # exact; with both flags, 4:2:0 that keeps its width turns blue
 }
 _FULL_RANGE = 2  # of FFmpeg's numbers of color ranges
-_FILLED_FROM = 3  # pixels about a covered one, of which it is filled
 _MIN_HD_HEIGHT = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 
 
@@ -145,14 +143,6 @@ def _is_full_range(picture: Any, context: Any) -> bool:
     """Whether code values fill the range, as in pictures that are not of luma and chroma."""
     name, source = picture.format.name, picture if hasattr(picture, "color_range") else context
     return int(source.color_range) == _FULL_RANGE or name.startswith("yuvj") or not name.startswith(("yuv", "nv", "p"))
-
-
-def _without_overlay(pixels: NDArray[np.uint8], overlay: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """A frame (h, w, 3) with what covers it filled from around."""
-    cv2 = import_opencv()
-    height, width = pixels.shape[:2]
-    mask = cv2.resize(overlay.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
-    return np.asarray(cv2.inpaint(pixels, mask, _FILLED_FROM, cv2.INPAINT_TELEA))
 
 
 def _curve_and_primaries(picture: Any, context: Any) -> tuple[Curve, int]:
@@ -314,7 +304,7 @@ class Clip:
                 with trace_step("decode"):
                     pixels = _upright_pixels(picture, self._stream.codec_context, self.side, self._aspect, self.form)
                     if (overlay := self.form.framing.overlay) is not None:
-                        pixels = _without_overlay(pixels, overlay)
+                        pixels = fill_overlay(pixels, overlay)
                 yield Frame(index, time, pixels)
         self._note_damage(end, lost)
 

@@ -8,6 +8,7 @@ References:
     [1] Dekel, Rubinstein, Liu and Freeman, On the Effectiveness of Visible Watermarks, CVPR 2017.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,16 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
-from lighting.geometry import Floats
+from lighting.geometry import Floats, shrink_size
 from lighting.photo.borders import Layout, Rectangle, find_layout
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE, describe_layout
 from lighting.records import CodedWarning, WarningCode
+from lighting.registration.two_view import import_opencv
 
 Pixels = NDArray[np.uint8]
 
 SAMPLE_SIDE = 512  # pixels of the longer side of the frames that are compared
 
 _SAME_EDGE = 0.02  # of a side, by which a border's edges may differ from frame to frame
+_MIN_FRAMED_SHARE = 0.3  # of the frames that have a border, from which a changing one is told
 _MIN_OVERLAY_SAMPLES = 4  # frames that differ, below which nothing is said to stand still
 _MIN_CHANGE = 4.0  # gray levels, mean difference of frames that differ
 _MIN_GRADIENT = 8.0  # gray levels from pixel to pixel that count as contrast
@@ -32,11 +35,15 @@ _MIN_LIKENESS = 0.5  # of the median gradient that a frame has of it, to count a
 _MIN_ALIKE = 0.9  # of the frames that are alike, where a gradient stays
 _MIN_CORNER = 0.15  # of the staying gradients' energy that lies across their main direction
 _WINDOW = 9  # pixels, within which gradients have every direction
+_FILLED_FROM = 3  # pixels about a covered one, of which it is filled
+_STREAM_INTERVAL = 0.5  # s between the frames of a stream that are compared
+_MAX_STREAM_SAMPLES = 6
 _MARGIN = 3  # pixels about what stands still that are covered with it
 _MIN_OVERLAY_SHARE = 0.008  # of the picture that lettering covers
 _MAX_STILL_SHARE = 0.85  # of what has contrast, from which the camera stands still
 _DOUBTFUL_SHARE = 0.5  # the same, from which too little is left of the world
 _BLACKEST, _WHITEST, _MAX_CHROMA = 0.06, 0.78, 0.26  # of a logarithmic picture's signals, met by 0.4 % of photos
+_CHANGING = "Some frames have a border, others none or another one: all were used whole."
 _OVERLAY = "Lettering stands still in the picture and covers {:.0f} % of it: it was left out."
 _MOSTLY_STILL = "Most of what stands out in the picture stands still while the rest moves: headings may be off."
 
@@ -79,7 +86,8 @@ def _find_border(samples: Sequence[Pixels], size: tuple[int, int]) -> tuple[Rect
         return None, ()
     agreeing = np.abs(edges - np.median(edges, axis=0)).max(axis=1) <= _SAME_EDGE
     if 2 * np.count_nonzero(agreeing) <= len(samples):
-        return None, ()
+        often = len(framed) >= max(2.0, _MIN_FRAMED_SHARE * len(samples))
+        return None, (CodedWarning(_CHANGING),) if often else ()
     left, top = edges[agreeing, :2].min(axis=0).tolist()  # a dark frame may hide where the picture begins
     right, bottom = edges[agreeing, 2:].max(axis=0).tolist()
     crop = Rectangle(left, top, right, bottom)
@@ -116,6 +124,53 @@ def _find_overlay(samples: Sequence[Pixels]) -> tuple[NDArray[np.bool_] | None, 
         return None, ()
     sentences = [_OVERLAY.format(100.0 * area)] + [_MOSTLY_STILL] * (share >= _DOUBTFUL_SHARE)
     return covered, tuple(CodedWarning(sentence, WarningCode.OVERLAY) for sentence in sentences)
+
+
+def fill_overlay(pixels: Pixels, overlay: NDArray[np.bool_]) -> Pixels:
+    """Fill what covers a frame from around.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+        overlay: of any size, where it is covered.
+    """
+    cv2 = import_opencv()
+    height, width = pixels.shape[:2]
+    mask = cv2.resize(overlay.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    return np.asarray(cv2.inpaint(pixels, mask, _FILLED_FROM, cv2.INPAINT_TELEA))
+
+
+class OverlayFilter:
+    """Fills the lettering in a stream of frames, once it has stood still in a few that differ; memory is constant."""
+
+    def __init__(self) -> None:
+        """Begin a stream."""
+        self._samples: list[Pixels] = []
+        self._due, self._overlay = -math.inf, np.zeros((1, 1), dtype=bool)
+
+    def __call__(self, pixels: Pixels, time: float) -> Pixels:
+        """Return the next frame without lettering.
+
+        Args:
+            pixels: (h, w, 3) sRGB.
+            time: s.
+        """
+        if time >= self._due:
+            self._due = time + _STREAM_INTERVAL
+            self._look(pixels)
+        return fill_overlay(pixels, self._overlay) if self._overlay.any() else pixels
+
+    def _look(self, pixels: Pixels) -> None:
+        """Compare a frame with earlier ones; none counts while the camera stands."""
+        cv2 = import_opencv()
+        sample = cv2.resize(
+            pixels, shrink_size(pixels.shape[1], pixels.shape[0], SAMPLE_SIDE // 2), interpolation=cv2.INTER_AREA
+        )
+        kept = [s for s in self._samples if s.shape == sample.shape][1 - _MAX_STREAM_SAMPLES :]
+        if kept and float(cv2.absdiff(kept[-1], sample).mean()) < _MIN_CHANGE:
+            return
+        self._samples = [*kept, np.asarray(sample)]
+        overlay, _ = _find_overlay(self._samples)
+        self._overlay = np.zeros((1, 1), dtype=bool) if overlay is None else overlay
 
 
 def _differing(grays: Sequence[NDArray[np.float32]]) -> list[NDArray[np.float32]]:

@@ -554,6 +554,7 @@ def lighting_in_camera(
     return replace(
         light,
         sun_azimuth=_round_angle(wrap_azimuth(light.sun_azimuth - heading)),
+        sun_candidates=(),
         camera_elevation=_round_angle(elevation),
         camera_roll=_round_angle(wrap_azimuth(roll)),
         vertical_fov=_round_angle(fov),

@@ -14,7 +14,6 @@ from lighting.color import luminance
 from lighting.decoding import (
     _WHITE_SUN,
     _clear_sun,
-    _visibility_attenuation,
     blend_to_clear_sun,
     correct_sun_color,
     doubts_sun,
@@ -22,6 +21,7 @@ from lighting.decoding import (
     light_to_vector,
     lighting_from_prediction,
     sun_from_rings,
+    visibility_attenuation,
     with_dappled_sun,
 )
 from lighting.fields import RANGES
@@ -102,9 +102,9 @@ def test_lights_are_averaged_by_their_numbers() -> None:
 
 
 def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
-    assert _visibility_attenuation(1.0) == _visibility_attenuation(0.8) == 1.0
-    assert 0.05 < _visibility_attenuation(0.5) < 0.15
-    assert _visibility_attenuation(0.1) < 1e-3
+    assert visibility_attenuation(1.0) == visibility_attenuation(0.8) == 1.0
+    assert 0.05 < visibility_attenuation(0.5) < 0.15
+    assert visibility_attenuation(0.1) < 1e-3
     light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
     doubtful, sure = (lighting_from_prediction(prediction(sun_visibility=v, light=light)) for v in (0.4, 0.9))
     assert np.array(sure.sun_irradiance) == pytest.approx(4.0 * 2**0.11, rel=1e-5)

@@ -21,7 +21,10 @@ from lighting.records import (
     EvidenceKind,
     Lighting,
     ModelSpec,
+    SunCandidate,
     WarningCode,
+    describe_candidates,
+    describe_trust,
     json_line,
     record_with_coefficients,
     unwrap_record,
@@ -136,7 +139,7 @@ def test_the_record_survives_json() -> None:
 
 def test_the_record_has_the_documented_shape() -> None:
     record = LIGHTING.to_dict()
-    assert set(record) == {"model", "sun", "sky", "camera", "evidence", "warnings"}
+    assert set(record) == {"model", "sun", "sky", "camera", "trust", "evidence", "warnings"}
     assert record["model"] == {"name": "outdoor", "version": "1.0.0"}
     assert record["sun"]["direction"] == pytest.approx(direction(-41.2, 33.0), abs=1e-6)
     assert record["sky"]["model"] == "hosek-wilkie"
@@ -553,3 +556,47 @@ def test_a_coded_warning_is_a_text_like_any_other() -> None:
     assert (record["warnings"], record["evidence"]) == (["It may be cropped.", "Look out."], ["pixels", "time+place"])
     assert [type(kind) for kind in light.evidence] == [str, str]
     assert Lighting.from_dict(record) == light
+
+
+CANDIDATES = (SunCandidate(-41.2, 33.0, 0.6), SunCandidate(120.0, 25.0, 0.31))
+
+
+@pytest.mark.parametrize(
+    ("visibility", "radius", "suitable", "trust"),
+    [(0.5, 45.0, None, "sure"), (0.5, 45.1, 0.9, "unsure"), (0.49, 10.0, None, "no sun"), (1.0, 10.0, 0.4, "unsure")],
+)
+def test_trust_follows_from_visibility_radius_and_suitability(
+    visibility: float, radius: float, suitable: float | None, trust: str
+) -> None:
+    light = Lighting(0.0, 30.0, 3.0, 4.0, sun_visibility=visibility, radius_90=radius, suitable=suitable)
+    assert light.trust == trust
+    assert light.to_dict()["trust"] == trust
+    assert Lighting.from_dict({**light.to_dict(), "trust": "another word"}) == light
+    assert describe_trust(light).startswith(trust)
+    assert light.sun_painted == (trust != "no sun")
+
+
+def test_an_unsure_answer_says_what_would_help() -> None:
+    light = Lighting(0.0, 30.0, 3.0, 4.0, radius_90=80.0, sun_candidates=CANDIDATES)
+    assert describe_trust(light) == "unsure: mark a shadow, give time and place or pick another sun"
+    known = replace(light, evidence=("pixels", "time+place", "shadow"), sun_candidates=())
+    assert describe_trust(known) == "unsure: set the sun by eye"
+    assert describe_candidates(light) == "or 120° right (behind), 25° high (31 %)"
+    assert describe_candidates(replace(light, radius_90=20.0)) == ""
+
+
+def test_candidates_come_back_from_a_record() -> None:
+    light = Lighting(-41.2, 33.0, 3.0, 4.0, sun_candidates=CANDIDATES)
+    record = json.loads(json.dumps(light.to_dict()))
+    assert record["sun"]["candidates"][1] == {"azimuth": 120.0, "elevation": 25.0, "probability": 0.31}
+    assert Lighting.from_dict(record) == light
+
+
+@pytest.mark.parametrize(
+    "candidates", [3, [3], [{"azimuth": 1.0}], [{"azimuth": 900.0, "elevation": 1.0, "probability": 1.0}]]
+)
+def test_candidates_that_are_none_are_refused(candidates: object) -> None:
+    record = Lighting(-41.2, 33.0, 3.0, 4.0).to_dict()
+    record["sun"]["candidates"] = candidates
+    with pytest.raises(ParameterError, match=r"^sun\.candidates "):
+        Lighting.from_dict(record)

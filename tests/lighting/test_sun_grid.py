@@ -19,6 +19,7 @@ from lighting.sun_grid import (
     grid_directions,
     grid_solid_angle,
     heading_from_probability,
+    likeliest_suns,
     nearest_cell_density,
     soft_label,
     splat_to_grid,
@@ -261,3 +262,31 @@ def test_a_sun_near_the_horizon_stands_as_low_as_networks_are_trained_to_say(ele
     lobes = soft_label(direction(np.arange(-180.0, 180.0, 20.0), elevation), math.radians(4.0) ** -2, FINE)
     found = [float(angles(bayes_direction(lobe, FINE))[1]) for lobe in lobes]
     assert np.mean(found) == pytest.approx(elevation, abs=0.5)
+
+
+def test_the_likeliest_suns_are_far_apart_and_share_the_probability() -> None:
+    cells, suns = grid_directions(FINE), direction([0.0, 90.0, 180.0, -90.0], [30.0] * 4)
+    p = np.array([0.5, 0.3, 0.17, 0.03]) @ soft_label(suns, 200.0, FINE)
+    found, shares = likeliest_suns(suns[0], p, cells, FINE)
+    assert len(found) == 3
+    assert angle_between(found, suns[:3]).max() < 12.5
+    assert shares.sum() == pytest.approx(1.0)
+    assert shares[:2] == pytest.approx([0.51, 0.32], abs=0.03)
+    between = angle_between(found[:, None], found[None])[np.triu_indices(3, 1)]
+    assert between.min() >= 40.0
+
+
+def test_a_sure_distribution_has_one_likely_sun() -> None:
+    sun = direction(20.0, 40.0)
+    found, shares = likeliest_suns(sun, soft_label(sun, 300.0, FINE), grid_directions(FINE), FINE)
+    assert found == pytest.approx(sun[None])
+    assert shares == pytest.approx([1.0])
+
+
+def test_likely_suns_of_a_known_elevation_have_it() -> None:
+    ring = direction(np.arange(360.0), 35.0)
+    weight = von_mises(np.arange(360.0) - 10.0, 8.0) + 0.6 * von_mises(np.arange(360.0) - 150.0, 8.0)
+    cells = splat_to_grid(weight / weight.sum(), ring, FINE)
+    found, _ = likeliest_suns(ring[10], cells, ring, FINE)
+    assert angles(found)[1] == pytest.approx([35.0, 35.0])
+    assert angles(found)[0] == pytest.approx([10.0, 150.0], abs=8.0)

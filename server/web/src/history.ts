@@ -68,12 +68,23 @@ export class History<State> {
   }
 }
 
-/** `history` gives the one that counts now; `changed` is called after each step. Must be called once. */
-export function listenForUndo<State>(history: () => History<State> | undefined, changed: () => void): void {
+/**
+ * `history` gives the one that counts now; `changed` is called after each step, `exhausted` where none is left to undo.
+ * Must be called once.
+ */
+export function listenForUndo<State>(
+  history: () => History<State> | undefined,
+  changed: () => void,
+  exhausted: () => void,
+): void {
   listenForGestures();
   const step = (kind: "undo" | "redo"): void => {
-    history()?.[kind]();
-    changed();
+    const now = history();
+    if (kind === "undo" && !now?.canUndo) exhausted();
+    else {
+      now?.[kind]();
+      changed();
+    }
   };
   byId("undo").addEventListener("click", () => step("undo"));
   byId("redo").addEventListener("click", () => step("redo"));
@@ -86,8 +97,9 @@ export function listenForUndo<State>(history: () => History<State> | undefined, 
   });
 }
 
-export function showUndo<State>(history: History<State>): void {
-  byId<HTMLButtonElement>("undo").disabled = !history.canUndo;
+/** Whether the buttons do anything; `more` says whether something before the history can be undone, too. */
+export function showUndo<State>(history: History<State>, more: boolean): void {
+  byId<HTMLButtonElement>("undo").disabled = !history.canUndo && !more;
   byId<HTMLButtonElement>("redo").disabled = !history.canRedo;
 }
 

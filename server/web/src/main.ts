@@ -28,6 +28,7 @@ import {
 } from "./state";
 import { buildHeadline } from "./text/format";
 import { NO_USER_INPUT, type UserInput } from "./text/metadata";
+import { Candidates } from "./views/candidates";
 import { Dome } from "./views/dome";
 import { Downloads, hideSnippet, offerPreview } from "./views/downloads";
 import { EnvmapView } from "./views/envmap";
@@ -36,6 +37,7 @@ import { drawMapMarkers, drawPhotoMarkers, SunHandle } from "./views/markers";
 import { MetadataView, showNumbers } from "./views/metadata";
 import { ObjectView } from "./views/object";
 import { Sliders } from "./views/sliders";
+import { Tools } from "./views/tools";
 import { listenForUploads, showMatching, showPhotos } from "./views/upload";
 
 interface EstimateRequest {
@@ -46,13 +48,22 @@ interface EstimateRequest {
 let session: Session | undefined;
 let lastRequest: EstimateRequest | undefined;
 let lastQuestion: [PhotoView, string] | undefined; // whose light was asked for last, and which
+const earlierInputs: UserInput[] = []; // of the photos on show, the latest last
 let lastLight = ""; // the photo and the light that were shown last
 
 const result = byId("result");
 const status = byId("status");
 const dome = new Dome(byId("dome"), byId("readout"), (sun) => moveSun(sun, "dome"));
+const candidates = new Candidates(({ azimuth, elevation }) =>
+  editLight({ sun_azimuth: azimuth, sun_elevation: elevation, sun: true }, "candidate"),
+);
 const sunHandle = new SunHandle((sun) => moveSun(sun, "sun in the picture"));
 const sliders = new Sliders(editLight);
+const tools = new Tools({
+  turnSun: (azimuth) => editLight({ sun_azimuth: azimuth, sun: true }, "shadow"),
+  forward: (event) => sunHandle.drag(event),
+  state: restate,
+});
 const downloads = new Downloads(settleLight, showError);
 const object = new ObjectView(editState, showError, requestMap);
 const metadata = new MetadataView(
@@ -72,9 +83,16 @@ const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height
   return drawMapMarkers(view.estimate, currentState(view).parameters, aspectRatio(view.photo), width, height);
 });
 
-listenForUploads((sources) => submitPhotos(sources, NO_USER_INPUT), takeModel, showError);
+listenForUploads(
+  (sources) => {
+    earlierInputs.length = 0;
+    submitPhotos(sources, NO_USER_INPUT);
+  },
+  takeModel,
+  showError,
+);
 listenForLocation();
-listenForUndo(() => currentView()?.history, refresh);
+listenForUndo(() => currentView()?.history, refresh, unstate);
 listenForKey();
 watchViewer();
 byId("unfold").addEventListener("click", () => foldResult(false));
@@ -116,6 +134,20 @@ function submitPhotos(sources: PhotoSource[], userInput: UserInput): void {
   setBusy(true);
   sky.start();
   debouncedEstimate(lastRequest);
+}
+
+/** Asks again about the photos on show, with what is known of them; that can be undone. */
+function restate(userInput: UserInput): void {
+  if (!session) return;
+  const before = currentView()?.userInput;
+  if (before) earlierInputs.push(before);
+  submitPhotos(photoFiles(session).map(sourceInMemory), userInput);
+}
+
+/** Takes back what was last stated of the photo, where no change of its light is left to undo. */
+function unstate(): void {
+  const before = earlierInputs.pop();
+  if (session && before) submitPhotos(photoFiles(session).map(sourceInMemory), before);
 }
 
 function takeModel(model: File): void {
@@ -185,6 +217,8 @@ function showPhoto(index: number): void {
   byId("frame").style.setProperty("--aspect", String(aspectRatio(photo)));
   showPhotos(session, showPhoto);
   showNumbers(estimate);
+  candidates.show(estimate);
+  tools.show(view, session.views.length === 1);
   metadata.show(session, view);
   dome.show(estimate, aspectRatio(photo));
   object.open(view);
@@ -239,9 +273,10 @@ function refresh(): void {
   showSliders(view);
   sunHandle.show(view.estimate.camera, state.parameters);
   byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
-  showUndo(view.history);
+  showUndo(view.history, earlierInputs.length > 0);
   offerPreview(view);
   dome.mark(state.parameters);
+  candidates.mark(state.parameters);
   drawPhotoMarks();
   drawMapMarks();
   object.show(state);

@@ -39,6 +39,7 @@ export interface Photo {
   file: File;
   url: string;
   picture: HTMLCanvasElement; // upright, for the stage
+  area: ImagePart | undefined; // of the upright picture, in its pixels; unknown where the service decoded it
   byService: boolean; // whether the service decoded it
 }
 
@@ -97,9 +98,10 @@ async function cropPhoto(decoded: DecodedPhoto, crop: PhotoCrop | undefined): Pr
   const { image, ...rest } = decoded;
   const cropped = decoded.byService ? undefined : crop;
   const part = imagePart(cropped, image.naturalWidth, image.naturalHeight);
+  const area = cropped ? imagePart(cropped, cropped.picture_width, cropped.picture_height) : part;
   const picture = drawScaled(image, part, MAX_BACKDROP);
   const url = cropped ? await pictureUrl(picture, image) : image.src;
-  return { ...rest, url, picture };
+  return { ...rest, url, picture, area: decoded.byService ? undefined : area };
 }
 
 /** The part of an image that a crop of the picture leaves, also where the image has another size than the picture. */

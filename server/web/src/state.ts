@@ -165,7 +165,7 @@ export function buildRecord(
 ): Lighting | EditedLighting {
   const { links: _, crop: __, probability: ___, photo_metadata: ____, warning_codes: _____, ...record } = estimate;
   if (sameParameters(parametersFromRecord(record), parameters)) return record;
-  const { light_probe: ______, ...rest } = record;
+  const { light_probe: ______, trust: _______, ...rest } = record;
   const { azimuth, elevation } = { azimuth: parameters.sun_azimuth, elevation: parameters.sun_elevation };
   const hasIrradiances = record.sky.irradiance !== undefined || isToned(parameters);
   const cover =

@@ -16,6 +16,7 @@ export interface Lighting {
     irradiance?: Triple; // of a plane that faces it
     radius_50: number;
     radius_90: number;
+    candidates?: Candidate[]; // the answer first
   };
   sky: {
     model: string; // that of turbidity, exposure and coefficients
@@ -31,9 +32,17 @@ export interface Lighting {
   camera: Camera & { height?: number; heading?: number; heading_radius_50?: number; relative_heading?: number };
   time?: { utc?: string; utc_offset?: number; source?: string }; // when the photo was taken, as the answer believes
   light_probe?: unknown; // of this light
+  trust?: "sure" | "unsure" | "no sun";
   evidence: string[];
   warnings: string[];
   warning_codes?: string[]; // in answers: what each warning is about
+}
+
+/** One of the suns that an answer thinks possible. */
+export interface Candidate {
+  azimuth: number;
+  elevation: number;
+  probability: number; // that lies nearer to it than to the others
 }
 
 /** What a photo's file says, as the service reads it; what it does not say, or what cannot be true, is absent. */

@@ -54,3 +54,8 @@ def test_the_wheel_answers_as_its_file() -> None:
     answer = class_tokens(transformer.eval(), picture)
     assert answer.shape == (1, WIDTH)
     assert np.abs(answer - expected).max() < 1e-4
+    smaller = VisionTransformer(hidden=1280)
+    load_wheel(smaller)
+    near = class_tokens(smaller.eval(), picture)
+    assert np.abs(near - expected).max() > 0
+    assert (near * expected).sum() > 0.8 * np.linalg.norm(near) * np.linalg.norm(expected)

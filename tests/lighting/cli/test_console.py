@@ -210,7 +210,7 @@ def test_a_record_without_radii_claims_none() -> None:
     told = Lighting(10.0, 33.0, 3.0, 0.1)
     assert _format_summary("x.jpg", told).startswith("x.jpg: sun 10.0° right, 33.0° high, direct sunlight 100 %")
     told = Lighting(10.0, 33.0, 3.0, 0.1, radius_50=9.5, radius_90=31.0)
-    assert "33.0° high (50 % within 9.5°, 90 % within 31.0°), direct sunlight" in _format_summary("x.jpg", told)
+    assert "33.0° high (50 % within 9.5°, 90 % within 31.0°); sure; direct sunlight" in _format_summary("x.jpg", told)
 
 
 def test_without_json_errors_go_to_stderr_alone(network: Path, photo_path: Path) -> None:

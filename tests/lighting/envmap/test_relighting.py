@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lighting.color import luminance
 from lighting.envmap.relighting import (
     adjust_lighting,
     edit_lighting,
@@ -19,7 +20,7 @@ from lighting.envmap.render import render, sky_irradiance, sun_light
 from lighting.errors import ParameterError
 from lighting.geometry import wrap_azimuth
 from lighting.map_options import Adjustments, parse_exposure, parse_sun
-from lighting.records import Lighting
+from lighting.records import Lighting, SunCandidate
 from tests.helpers.predictions import model_light, stated_light
 
 PLAIN = Lighting(sun_azimuth=30.0, sun_elevation=40.0, turbidity=3.0, exposure=4.0)
@@ -241,3 +242,42 @@ def test_adjustments_are_read_from_texts() -> None:
             parse_sun(text)
     with pytest.raises(ParameterError, match="a number of EV"):
         parse_exposure("bright")
+
+
+def _listed(**values: Any) -> Lighting:
+    suns = (SunCandidate(-41.2, 33.0, 0.6), SunCandidate(120.0, 25.0, 0.4))
+    return replace(stated_light(radius_50=20.0, radius_90=80.0), sun_candidates=suns, **values)
+
+
+def test_a_picked_sun_is_one_of_the_listed() -> None:
+    light = adjust_lighting(_listed(), Adjustments(pick=2))
+    assert (light.sun_azimuth, light.sun_elevation) == (120.0, 25.0)
+    assert (light.radius_90, light.sun_candidates) == (0.0, ())
+    assert light == adjust_lighting(_listed(), Adjustments(sun=(120.0, 25.0)))
+
+
+@pytest.mark.parametrize("listed", [_listed(), replace(_listed(), sun_candidates=())])
+def test_a_sun_that_is_not_listed_cannot_be_picked(listed: Lighting) -> None:
+    with pytest.raises(ParameterError, match=r"^pick is 3, and the answer lists (2 suns|no suns)\."):
+        adjust_lighting(listed, Adjustments(pick=3))
+
+
+def test_a_sun_is_picked_or_set() -> None:
+    with pytest.raises(ParameterError, match="pick"):
+        Adjustments(sun=(1.0, 2.0), pick=2)
+    with pytest.raises(ParameterError, match="pick"):
+        Adjustments(pick=4)
+
+
+def test_candidates_turn_with_the_map() -> None:
+    turned = rotate_lighting(_listed(), 90.0)
+    assert [sun.azimuth for sun in turned.sun_candidates] == pytest.approx([48.8, -150.0])
+
+
+def test_a_sun_that_is_set_by_hand_shines() -> None:
+    dim = _listed(sun_visibility=0.1, sun_irradiance=(1e-5, 1e-5, 1e-5))
+    assert not dim.sun_painted
+    light = adjust_lighting(dim, Adjustments(sun=(10.0, 30.0)))
+    assert light.sun_painted
+    assert luminance(np.array(light.sun_irradiance)) > 0.7 * luminance(np.array(light.sky_irradiance))
+    assert adjust_lighting(dim, Adjustments(exposure=1.0)).sun_visibility == 0.1

@@ -260,7 +260,7 @@ def test_a_covered_sun_fades_by_its_irradiance_whatever_its_visibility() -> None
         0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, sun_irradiance=(0.1, 0.1, 0.1), sky_irradiance=SKY_IRRADIANCE
     )
     assert power(faint, 64) == pytest.approx([0.1] * 3, rel=1e-4)
-    assert faint.sun_painted
+    assert not faint.sun_painted
     assert not faint.sun_shines
 
 

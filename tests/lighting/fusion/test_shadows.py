@@ -135,6 +135,13 @@ def test_a_shadow_is_evidence_and_a_contradicting_one_is_told() -> None:
     assert abs(wrap_azimuth(with_it.sun.azimuth - 30.0)) < abs(wrap_azimuth(20.0 - 30.0)) + 15.0
 
 
+def test_a_contradicting_shadow_of_the_camera_has_a_question_of_its_own() -> None:
+    own = OwnShadow(tuple(map(float, camera_pixel(-direction(180.0, 8.0), CAMERA))))  # type: ignore[arg-type]
+    observed = Observations(shadows=(own,), picture_size=(CAMERA.width, CAMERA.height))
+    (warning,) = fuse_single_view(predict((10.0, 40.0)), observed).warnings
+    assert warning.endswith("is it the camera's own?")
+
+
 @pytest.mark.parametrize(
     ("mark", "sentence"),
     [

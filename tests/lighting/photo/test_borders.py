@@ -181,6 +181,17 @@ def test_of_dark_blurred_copies_one_may_be_plain(name: str) -> None:
     assert layout.photo.pixels(*whole.size) == pytest.approx(corners, abs=0.012 * max(whole.size))
 
 
+@pytest.mark.parametrize("name", ["wide_street", "railway_field"])
+def test_a_band_below_leaves_the_sky_above(name: str) -> None:
+    photo = example(name)
+    whole = Image.new("RGB", (photo.width, photo.height * 8 // 7), (20, 30, 120))  # of news, or of a dashboard's camera
+    whole.paste(photo)
+    layout = find_layout(as_jpeg(whole, 85))
+    assert layout.photo is not None
+    corners = (0, 0, photo.width, photo.height)
+    assert layout.photo.pixels(*whole.size) == pytest.approx(corners, abs=0.012 * max(whole.size))
+
+
 @pytest.mark.parametrize(("columns", "rows"), [(2, 1), (1, 2), (3, 1), (2, 2), (3, 2)])
 @pytest.mark.parametrize("gap", [0, 8])
 def test_a_collage_is_none_of_its_photos(columns: int, rows: int, gap: int) -> None:

@@ -522,6 +522,14 @@ def test_a_dark_scene_between_bars_hides_none_of_the_picture(tmp_path: Path) -> 
         assert abs(clip.info.height - 180) <= 3
 
 
+def test_bars_of_some_frames_are_told(tmp_path: Path) -> None:
+    plain = street(10)
+    barred = [np.concatenate([np.zeros_like(one[:25]), one[25:-25], np.zeros_like(one[:25])]) for one in plain]
+    with Clip(write_clip(tmp_path / "a.mp4", [*barred[:5], *plain[5:]])) as clip:
+        assert clip.info.height == 180
+        assert "Some frames have a border" in clip.info.warnings[0]
+
+
 def lettered(picture: Pixels, opacity: float = 1.0) -> Pixels:
     """The picture under lines of letters."""
     letters = np.zeros(picture.shape, np.uint8)

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -100,6 +101,20 @@ def test_headings_come_back_after_a_round(model: Model) -> None:
     assert np.abs(off[-1]) < 1.0
     assert np.abs(off).max() < 6.0  # the network's level is off by 4 deg
     assert all(a is not None and a.followed for a in answers)
+
+
+def test_lettering_does_not_hold_a_camera_that_turns(model: Model) -> None:
+    tracker = Tracker(model, UserInput(vertical_fov=FOV), look_every=100.0)
+    answers = []
+    for i in range(50):
+        frame = look(1.5 * i).copy()
+        for row in range(14, frame.shape[0], 18):  # more of it than of the world
+            cv2.putText(frame, "ALT 20 SPD 14 BAT 97 " * 2, (4, row), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255,) * 3)
+        answers.append(tracker(frame, 0.1 * i))
+    first, last = answers[30], answers[-1]
+    assert first is not None
+    assert last is not None
+    assert last.heading - first.heading == pytest.approx(1.5 * 19, abs=3.0)
 
 
 @pytest.mark.parametrize(

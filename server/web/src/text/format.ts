@@ -131,6 +131,20 @@ export function formatSide(azimuth: number): string {
   return angle <= 157.5 ? `behind the camera, to the ${side}` : "behind the camera";
 }
 
+/** The word of trust with what helps; empty where the service says none. */
+export function trustText({ trust, evidence, sun }: Lighting): string {
+  if (trust === "sure") return "Sure";
+  if (trust === "no sun") return "No sun: set it by eye if you want one";
+  if (trust === undefined) return "";
+  const helps = [
+    ...(evidence.includes("shadow") ? [] : ["draw a shadow"]),
+    ...(evidence.includes("time+place") ? [] : ["give time and place"]),
+    ...((sun.candidates?.length ?? 0) > 1 ? ["pick another sun"] : []),
+  ];
+  const last = helps.pop() ?? "set the sun by eye";
+  return `Unsure: ${helps.join(", ")}${helps.length ? " or " : ""}${last}`;
+}
+
 function formatHeight(elevation: number): string {
   return elevation < 15 ? "low" : elevation < 45 ? "at half height" : "high";
 }

@@ -14,9 +14,12 @@ export interface UserInput {
   vertical_fov: string; // degrees
   headings: string; // of several photos, as 0,45,90
   camera_height: string; // meters above the ground
+  shadow: string; // drawn in one photo, as are the next two: x,y,x,y in its pixels, separated by ;
+  horizon: string; // x,y,x,y
+  reference: string; // x,y,x,y,meters
 }
 
-export type UserInputField = Exclude<keyof UserInput, "metadata">;
+export type UserInputField = Exclude<keyof UserInput, "metadata" | "shadow" | "horizon" | "reference">;
 
 export const NO_USER_INPUT: UserInput = {
   metadata: true,
@@ -28,6 +31,9 @@ export const NO_USER_INPUT: UserInput = {
   vertical_fov: "",
   headings: "",
   camera_height: "",
+  shadow: "",
+  horizon: "",
+  reference: "",
 };
 
 /** The query of the user's input; `headings` goes with several photos only, `heading` with one. */

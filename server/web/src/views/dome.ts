@@ -54,12 +54,17 @@ export class Dome {
     const view = photoOutline(estimate.camera, aspect).map(onDrawing);
     const regions = sunRegions(estimate.sun, isSunny(estimate));
     const rings = regions.flatMap(({ lines, kind }) => lines.map((line) => drawPath(line.map(onDrawing), kind)));
+    const others = estimate.trust === "sure" ? [] : (estimate.sun.candidates ?? []).slice(1);
+    const suns = others.map((sun, i) => {
+      const [x, y] = onDrawing(direction(sun.azimuth, Math.max(sun.elevation, 0)));
+      return drawText([x, y + 4], String(i + 2), "candidate middle");
+    });
     const labels = [
       ...ringLabels(estimate.sun.azimuth),
       ...drawShareLabels(placeShareLabels(regions, onDrawing, SHARE, CORNERS), SHARE),
     ];
     this.drawing.querySelector(".estimate")?.remove();
-    this.sunMarker.before(createSvg("g", { class: "estimate" }, drawPath(view, "view"), ...rings, ...labels));
+    this.sunMarker.before(createSvg("g", { class: "estimate" }, drawPath(view, "view"), ...rings, ...labels, ...suns));
     this.leave();
   }
 

@@ -108,7 +108,7 @@ export class SunHandle {
   private readonly frame = byId("frame");
   private camera: Camera | undefined;
   private sun: Angles = { azimuth: 0, elevation: 0 };
-  private drag: Drag | undefined;
+  private grabbed: Drag | undefined;
 
   constructor(private readonly onMove: (sun: Angles) => void) {
     new ResizeObserver(() => this.place()).observe(this.frame);
@@ -116,7 +116,7 @@ export class SunHandle {
     this.handle.addEventListener("pointermove", (event) => this.follow(event));
     for (const end of ["pointerup", "pointercancel"] as const) {
       this.handle.addEventListener(end, () => {
-        this.drag = undefined;
+        this.grabbed = undefined;
       });
     }
     this.handle.addEventListener("keydown", (event) => this.key(event));
@@ -129,6 +129,13 @@ export class SunHandle {
     this.handle.setAttribute("aria-valuenow", String(Math.round(sun_azimuth)));
     this.handle.setAttribute("aria-valuetext", `${formatAzimuth(sun_azimuth)}, ${sun_elevation.toFixed(0)}° high`);
     this.place();
+  }
+
+  /** Drags the sun by a pointer that moves over the photo beside it. */
+  drag(event: PointerEvent): void {
+    if (event.type === "pointermove") this.follow(event);
+    else if (event.type === "pointerup") this.grabbed = undefined;
+    else this.grabbed = { x: event.clientX, y: event.clientY, sun: this.sun, inside: false };
   }
 
   private mark(): { x: number; y: number; inside: boolean } | undefined {
@@ -154,21 +161,21 @@ export class SunHandle {
     event.preventDefault();
     this.handle.focus({ preventScroll: true });
     this.handle.setPointerCapture(event.pointerId);
-    this.drag = { x: event.clientX, y: event.clientY, sun: this.sun, inside: at.inside };
+    this.grabbed = { x: event.clientX, y: event.clientY, sun: this.sun, inside: at.inside };
   }
 
   /** A sun in the picture is where the pointer is; one outside of it is dragged by how far the pointer goes. */
   private follow(event: PointerEvent): void {
-    if (!this.drag || !this.camera) return;
+    if (!this.grabbed || !this.camera) return;
     const { left, top, width, height } = this.frame.getBoundingClientRect();
-    if (this.drag.inside) {
+    if (this.grabbed.inside) {
       const ray = pixelRay([event.clientX - left, event.clientY - top], this.camera, { width, height });
       const length = Math.hypot(...ray);
       this.move(angles([ray[0] / length, ray[1] / length, ray[2] / length]));
     } else {
-      const { azimuth, elevation } = this.drag.sun;
-      const right = (ACROSS * (event.clientX - this.drag.x)) / width;
-      const up = (DOWN * (this.drag.y - event.clientY)) / height;
+      const { azimuth, elevation } = this.grabbed.sun;
+      const right = (ACROSS * (event.clientX - this.grabbed.x)) / width;
+      const up = (DOWN * (this.grabbed.y - event.clientY)) / height;
       this.move({ azimuth: azimuth + right, elevation: elevation + up });
     }
   }

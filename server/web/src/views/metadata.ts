@@ -33,6 +33,7 @@ const FIELDS: UserInputField[] = [
 export class MetadataView {
   private readonly form = byId<HTMLFormElement>("user-input");
   private metadata: PhotoMetadata = {};
+  private drawn: Partial<UserInput> = {};
 
   constructor(onSubmit: (userInput: UserInput) => void) {
     this.form.addEventListener("submit", (event) => {
@@ -44,6 +45,7 @@ export class MetadataView {
 
   show({ views }: Session, { estimate: answer, userInput }: PhotoView): void {
     this.metadata = answer.photo_metadata ?? {};
+    this.drawn = { shadow: userInput.shadow, horizon: userInput.horizon, reference: userInput.reference };
     const others = views.map(({ estimate }) => estimate.photo_metadata ?? {});
     const rows = [
       ...describeMetadata(this.metadata),
@@ -83,7 +85,7 @@ export class MetadataView {
 
   private read(): UserInput {
     const texts = Object.fromEntries(FIELDS.map((name) => [name, this.input(name).value.trim()]));
-    return { ...NO_USER_INPUT, ...texts, metadata: byId<HTMLInputElement>("input-metadata").checked };
+    return { ...NO_USER_INPUT, ...texts, ...this.drawn, metadata: byId<HTMLInputElement>("input-metadata").checked };
   }
 
   private input(name: UserInputField): HTMLInputElement {

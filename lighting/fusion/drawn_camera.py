@@ -1,0 +1,328 @@
+"""The camera by what a person draws in a photo: its horizon, upright edges, a thing of known size; or by fSpy.
+
+Lines are fused with the camera that the pixels show, by least squares over elevation, roll and field of view. A line of
+the horizon has two ends without elevation. An upright line and the camera span a plane that holds the vertical. Both
+are right up to the person's hand, so that a long line counts more than a short one.
+"""
+
+import math
+import struct
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import RANGES
+from lighting.geometry import Floats, Pinhole, pixel_ray
+
+Line = tuple[float, float, float, float]
+
+_HAND_STD = 0.003  # of an end of a line, as a share of the photo's longer side
+_UPRIGHT_STD = 0.3  # deg, of things that stand upright
+_CAMERA_STD = (3.5, 2.0)  # deg, of the camera by the pixels: elevation and roll
+_FOV_STD, _KNOWN_FOV_STD = 0.08, 1e-4  # of the logarithm of the field of view's tangent: by the pixels, and known
+_MAX_LEAN = 30.0  # deg from the camera's vertical, of an upright line by the pixels' camera
+_MIN_LENGTH = 10.0  # pixels, of a line
+_MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
+_STEPS, _MAX_STEP = 20, np.array([15.0, 15.0, 0.5])  # of Gauss and Newton
+_DIFFERENCE = 1e-4  # of numerical derivatives
+_FSPY_HEADER = struct.Struct("<4sIII")  # name, version, bytes of the state, bytes of the picture
+MAX_FSPY_BYTES = 100_000_000
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A thing of known size that stands on the ground, or lies on it; points are (x, y) pixels of the upright photo."""
+
+    start: tuple[float, float]
+    """Its foot; of one that lies, an end of it."""
+    end: tuple[float, float]
+    """Its upper end; of one that lies, the other end."""
+    meters: float
+    """How long it is, 0.01 to 1000."""
+    lies: bool = False
+    """Whether it lies on the ground, where any two points of the ground do."""
+
+
+@dataclass(frozen=True)
+class KnownCamera:
+    """A camera that another program has found."""
+
+    elevation: float
+    """Deg, -90 to 90: positive looks up."""
+    roll: float
+    """Deg, -180 to 180: positive turns the camera clockwise."""
+    vertical_fov: float
+    """Deg, 1 to 170, of the whole upright picture."""
+
+
+@dataclass(frozen=True)
+class DrawnCamera:
+    """What a person states of the camera in one photo; lines are x, y, x, y in pixels."""
+
+    horizon: Line | None = None
+    """Two points of the horizon. None: not drawn."""
+    verticals: tuple[Line, ...] = ()
+    """Edges that stand upright in the world."""
+    known: KnownCamera | None = None
+    """In place of lines. None: not known."""
+
+    def move(self, right: float, down: float) -> "DrawnCamera":
+        """Return the same with all lines moved.
+
+        Args:
+            right: pixels.
+            down: pixels.
+        """
+        shift = (right, down, right, down)
+        horizon, *verticals = (
+            None if line is None else tuple(a + b for a, b in zip(line, shift, strict=True))
+            for line in (self.horizon, *self.verticals)
+        )
+        moved: Any = {"horizon": horizon, "verticals": tuple(verticals)}
+        return replace(self, **moved)
+
+
+def read_line(text: str, field: str) -> Line:
+    """Read a line such as "0,410,1200,395".
+
+    Args:
+        text: x and y of its ends in pixels of the upright photo.
+        field: that it is for, in the error.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    match _numbers(text):
+        case [a, b, c, d]:
+            return a, b, c, d
+    sentence = f"{text!r} is no line in pixels such as 0,410,1200,395."
+    raise ParameterError(sentence, field, ErrorCode.MALFORMED)
+
+
+def read_reference(text: str) -> Reference:
+    """Read a thing of known size such as "310,820,305,400,1.8" or "ground:300,900,700,880,5".
+
+    Args:
+        text: its foot and its upper end in pixels of the upright photo, and meters; after "ground:" the two ends of
+            what lies on the ground.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    kind, _, numbers = text.strip().rpartition(":")
+    match kind, _numbers(numbers):
+        case (("" | "ground"), [a, b, c, d, meters]):
+            return Reference((a, b), (c, d), meters, kind == "ground")
+    sentence = f"{text!r} is no thing of known size such as 310,820,305,400,1.8 or ground:300,900,700,880,5."
+    raise ParameterError(sentence, "reference", ErrorCode.MALFORMED)
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        return []
+
+
+def check_line(line: object, field: str) -> None:
+    """Raise ParameterError for what is no line of a photo.
+
+    Args:
+        line: what a caller passed as one.
+        field: that it is for.
+    """
+    if not isinstance(line, tuple) or len(line) != 4 or not all(map(_is_finite, line)):
+        sentence = "A line is four numbers: x and y of its two ends, in pixels."
+        raise ParameterError(sentence, field, ErrorCode.WRONG_TYPE)
+    if math.dist(line[:2], line[2:]) < _MIN_LENGTH:
+        sentence = f"A line is shorter than {_MIN_LENGTH:.0f} pixels; draw a longer one."
+        raise ParameterError(sentence, field, ErrorCode.OUT_OF_RANGE)
+
+
+def check_reference(reference: object) -> None:
+    """Raise ParameterError for what is no thing of known size.
+
+    Args:
+        reference: what a caller passed as one.
+    """
+    if not isinstance(reference, Reference):
+        sentence = "A reference is a Reference, or a text such as 310,820,305,400,1.8."
+        raise ParameterError(sentence, "reference", ErrorCode.WRONG_TYPE)
+    check_line((*reference.start, *reference.end), "reference")
+    if not (_is_finite(reference.meters) and 0.01 <= reference.meters <= 1000):
+        sentence = f"A reference is 0.01 to 1000 meters long, not {reference.meters!r}."
+        raise ParameterError(sentence, "reference", ErrorCode.OUT_OF_RANGE)
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinhole:
+    """Return the camera by pixels and by what a person drew.
+
+    Args:
+        camera: by the pixels; its azimuth is 0.
+        drawn: in pixels of the camera's picture.
+        lens_known: whether its field of view is known, and stays.
+
+    Raises:
+        ParameterError: a line that is said to be upright lies flat.
+    """
+    if drawn.known is not None:
+        known = drawn.known
+        return replace(camera, elevation=known.elevation, roll=known.roll, vertical_fov=known.vertical_fov)
+    if any(abs(_lean(camera, line)) > _MAX_LEAN for line in drawn.verticals):
+        sentence = "A line that is said to be upright lies flat in the photo; draw along a wall's edge or a post."
+        raise ParameterError(sentence, "verticals", ErrorCode.CONTRADICTION)
+    prior_std = np.array([*_CAMERA_STD, _KNOWN_FOV_STD if lens_known else _FOV_STD])
+
+    def residuals(change: Floats) -> Floats:
+        return np.concatenate([change / prior_std, _line_residuals(_change_camera(camera, change), drawn)])
+
+    change = np.zeros(3)
+    for _ in range(_STEPS):
+        here = residuals(change)
+        columns = [
+            (residuals(change + _DIFFERENCE * unit) - residuals(change - _DIFFERENCE * unit)) / (2 * _DIFFERENCE)
+            for unit in np.eye(3)
+        ]
+        step = np.linalg.lstsq(np.stack(columns, axis=1), -here, rcond=None)[0]
+        change = change + np.clip(step, -_MAX_STEP, _MAX_STEP)
+    fitted = _change_camera(camera, change)
+    return replace(fitted, vertical_fov=camera.vertical_fov) if lens_known else fitted
+
+
+def _change_camera(camera: Pinhole, change: Floats) -> Pinhole:
+    """The camera with other elevation and roll [deg], and another logarithm of half its field of view's tangent."""
+    elevation, roll, log_tangent = map(float, change)
+    half = math.atan(math.tan(math.radians(camera.vertical_fov / 2)) * math.exp(log_tangent))
+    low, high = RANGES["vertical_fov"]
+    return replace(
+        camera,
+        elevation=min(max(camera.elevation + elevation, -89.0), 89.0),
+        roll=(camera.roll + roll + 180.0) % 360.0 - 180.0,
+        vertical_fov=min(max(2 * math.degrees(half), low), high),
+    )
+
+
+def _line_residuals(camera: Pinhole, drawn: DrawnCamera) -> Floats:
+    """How far (N,) the lines are from what they stand for, in standard deviations of the hand that drew them."""
+    hand = _HAND_STD * max(camera.width, camera.height)
+    found = []
+    if drawn.horizon is not None:
+        ends = (drawn.horizon[:2], drawn.horizon[2:])
+        std = math.degrees(hand / camera.focal_length)
+        found += [math.degrees(math.asin(pixel_ray(camera, end)[1])) / std for end in ends]
+    for line in drawn.verticals:
+        turned = math.degrees(math.sqrt(2) * hand / math.dist(line[:2], line[2:]))
+        found.append(_lean(camera, line) / math.hypot(turned, _UPRIGHT_STD))
+    return np.array(found)
+
+
+def _lean(camera: Pinhole, line: Line) -> float:
+    """The angle [deg] between the vertical and the plane that a line and the camera span."""
+    low, high = sorted((line[:2], line[2:]), key=lambda end: pixel_ray(camera, end)[1])
+    normal = np.cross(pixel_ray(camera, low), pixel_ray(camera, high))
+    return math.degrees(math.asin(float(normal[1] / np.linalg.norm(normal))))
+
+
+def height_by_reference(reference: Reference, camera: Pinhole) -> float:
+    """Return the camera's height above the ground [m] by a thing of known size.
+
+    Args:
+        reference: in pixels of the camera's picture.
+        camera: any.
+
+    Raises:
+        ParameterError: the thing does not stand or lie on the ground of this camera.
+    """
+    foot = _ground_point(camera, reference.start)
+    if reference.lies:
+        size = float(np.linalg.norm(_ground_point(camera, reference.end) - foot))
+    else:
+        if abs(_lean(camera, (*reference.start, *reference.end))) > _MAX_LEAN:
+            sentence = "The thing of known size does not stand upright; write ground: before it if it lies."
+            raise ParameterError(sentence, "reference", ErrorCode.CONTRADICTION)
+        ray = pixel_ray(camera, reference.end)
+        level = float(foot[0] * ray[0] + foot[2] * ray[2])
+        size = 1.0 + float(ray[1] * (foot[0] ** 2 + foot[2] ** 2)) / level if level > 0 else 0.0
+    low, high = RANGES["camera_height"]
+    if size <= 0 or not low <= reference.meters / size <= high:
+        sentence = "The thing of known size gives the camera no height; draw from its foot on the ground to its top."
+        raise ParameterError(sentence, "reference", ErrorCode.CONTRADICTION)
+    return reference.meters / size
+
+
+def _ground_point(camera: Pinhole, point: tuple[float, float]) -> Floats:
+    """The point (3,) of the ground behind a pixel, of a camera that stands 1 above it."""
+    ray = pixel_ray(camera, point)
+    if ray[1] > -math.sin(math.radians(_MIN_DESCENT)):
+        sentence = "The foot of the thing of known size lies at the horizon or over it, where no ground is."
+        raise ParameterError(sentence, "reference", ErrorCode.OUT_OF_RANGE)
+    return np.asarray(ray / -ray[1])
+
+
+# Cameras of fSpy.
+
+
+def read_fspy(data: bytes) -> KnownCamera:
+    """Return the camera in a project of fSpy, or in the JSON that fSpy exports.
+
+    The world's axis that lies nearest to the camera's own vertical is taken for the world's vertical. Where the
+    principal point is off the picture's middle, as in a cropped photo, the camera is turned to look at the middle.
+
+    Args:
+        data: what the file holds.
+
+    Raises:
+        ParameterError: it is no such file, or holds no camera.
+    """
+    import json
+
+    try:
+        if data.startswith(b"fspy"):
+            _, _, size, _ = _FSPY_HEADER.unpack_from(data)
+            data = data[_FSPY_HEADER.size : _FSPY_HEADER.size + size]
+        content = json.loads(data)
+        content = content.get("cameraParameters", content)
+        rows, point = np.array(content["cameraTransform"]["rows"], dtype=float), content["principalPoint"]
+        size = (float(content["imageWidth"]), float(content["imageHeight"]))
+        return _camera_of_fspy(rows[:3, :3], size, float(content["horizontalFieldOfView"]), (point["x"], point["y"]))
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, struct.error) as error:
+        sentence = "It is no project of fSpy with a camera, nor the camera's JSON that fSpy exports."
+        raise ParameterError(sentence, "camera", ErrorCode.UNREADABLE) from error
+
+
+def _camera_of_fspy(
+    axes: Floats, size: tuple[float, float], horizontal_fov: float, principal: tuple[float, float]
+) -> KnownCamera:
+    """The camera by its right, up and backward axes (3, 3) in columns, its picture's size, and fSpy's two numbers.
+
+    Coordinates of fSpy in the picture are from the middle, to the right and up, in halves of its longer side.
+    """
+    if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3) or not min(size) > 0 or not 0 < horizontal_fov < math.pi:
+        raise ValueError(size)
+    up = np.eye(3)[int(np.argmax(np.abs(axes[:, 1])))]
+    up = up * np.sign(float(up @ axes[:, 1]))
+    width, height = (side / max(size) for side in size)
+    focal = width / math.tan(horizontal_fov / 2)
+    x, y = map(float, principal)
+
+    def ray(right: float, above: float) -> Floats:
+        vector = axes @ np.array([right - x, above - y, -focal])
+        return np.asarray(vector / np.linalg.norm(vector))
+
+    forward, top, bottom = ray(0.0, 0.0), ray(0.0, height), ray(0.0, -height)
+    level = np.cross(forward, up)
+    level = level / np.linalg.norm(level)
+    right = np.cross(forward, top - bottom)
+    right = right / np.linalg.norm(right)
+    roll = math.atan2(-float(right @ np.cross(level, forward)), float(right @ level))
+    return KnownCamera(
+        math.degrees(math.asin(float(forward @ up))),
+        math.degrees(roll),
+        math.degrees(math.acos(float(np.clip(top @ bottom, -1.0, 1.0)))),
+    )
