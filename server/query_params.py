@@ -270,7 +270,7 @@ class _EditQuery(_IrradianceQuery):
         return {fields_of.get(name, name): value for name, value in values.items()}
 
 
-@with_options(MapOptions, "around", "sky")
+@with_options(MapOptions, "around", "backdrop", "sky")
 class PlaceQuery(ViewQuery):
     """What the light of a photo shows around it. Until 0.4.0 the switches `surroundings` and `detail` say it, too."""
 
