@@ -92,9 +92,12 @@ def report_map_judge(data: Path, model: Model, count: int, split: str, cache: Pa
     features = judge_features()
     panoramas, files = prepare_views(data, model, count, split, cache)
     found: dict[str, list[Floats]] = {"true": [], "maps": []}
-    for panorama, view in zip(panoramas, read_views(files, panoramas), strict=True):
+    for file, panorama, view in zip(files, panoramas, read_views(files, panoramas), strict=True):
         look = partial(judged_views, pitch=draw_camera(panorama)[1])
-        found["true"].append(features(look(view.truth)))
+        kept = file.with_suffix(".judged.npy")
+        if not kept.exists():
+            np.save(kept, features(look(view.truth)))
+        found["true"].append(np.load(kept))
         found["maps"].append(features(look(render_detail(view.lighting, view.context))))
     stacked = {name: np.stack(one) for name, one in found.items()}
     names = np.array([panorama.name for panorama in panoramas])
