@@ -143,7 +143,10 @@ def describe_confinement() -> str:
 
 def _python_rights(use: int) -> dict[Path, int]:
     """Rights to use Python and its modules; of a checkout of this package its modules, and the names beside them."""
-    rights = {Path(name): use for name in (sys.prefix, sys.base_prefix, *filter(None, sys.path))}
+    folders = list(map(Path, filter(None, sys.path)))
+    rights = dict.fromkeys([Path(sys.prefix), Path(sys.base_prefix), *folders], use)
+    files = (file for folder in folders for file in folder.glob("*.dist-info/METADATA") if file.is_symlink())
+    rights |= {file.resolve().parents[1]: use for file in files}  # installed as links to a cache
     root = Path(__file__).parents[1]
     if (root / "pyproject.toml").is_file():
         rights |= {path: _LIST for path in rights if path.resolve() == root.resolve()}  # Python looks through the names

@@ -58,22 +58,22 @@ class _RenamedName:
 
 
 RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_old_name` itself
-    "lighting.Estimator.together": _RenamedName("lighting", "Estimator.estimate_views", "0.3.0"),
-    "lighting.Given": _RenamedName("lighting", "UserInput", "0.3.0"),
-    "lighting.MapOptions.detail": _RenamedName("lighting", "MapOptions.around", "0.3.0"),
-    "lighting.MapOptions.surroundings": _RenamedName("lighting", "MapOptions.around", "0.3.0"),
-    "lighting.Estimate.save.colours": _RenamedName("lighting", "Estimate.save.colors", "0.3.0"),
-    "lighting.UserInput.use_exif": _RenamedName("lighting", "UserInput.metadata", "0.3.0"),
-    "lighting.photo.photo_of": _RenamedName("lighting.photo.reader", "photo_from_array", "0.3.0"),
-    "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.3.0"),
-    "lighting.photo.read_time": _RenamedName("lighting.photo.clock", "parse_time", "0.3.0"),
-    "lighting.photo.reader.Photo.facts": _RenamedName("lighting.photo.reader", "Photo.metadata", "0.3.0"),
-    "lighting.probe.probes_in": _RenamedName("lighting.probe.bracket", "probes_in", "0.3.0"),
-    "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.3.0"),
-    "lighting.video.stream.Tracker.given": _RenamedName("lighting.video.stream", "Tracker.user_input", "0.3.0"),
-    "lighting.write_exr.colours": _RenamedName("lighting", "write_exr.colors", "0.3.0"),
+    "lighting.Estimator.together": _RenamedName("lighting", "Estimator.estimate_views", "0.4.0"),
+    "lighting.Given": _RenamedName("lighting", "UserInput", "0.4.0"),
+    "lighting.MapOptions.detail": _RenamedName("lighting", "MapOptions.around", "0.4.0"),
+    "lighting.MapOptions.surroundings": _RenamedName("lighting", "MapOptions.around", "0.4.0"),
+    "lighting.Estimate.save.colours": _RenamedName("lighting", "Estimate.save.colors", "0.4.0"),
+    "lighting.UserInput.use_exif": _RenamedName("lighting", "UserInput.metadata", "0.4.0"),
+    "lighting.photo.photo_of": _RenamedName("lighting.photo.reader", "photo_from_array", "0.4.0"),
+    "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.4.0"),
+    "lighting.photo.read_time": _RenamedName("lighting.photo.clock", "parse_time", "0.4.0"),
+    "lighting.photo.reader.Photo.facts": _RenamedName("lighting.photo.reader", "Photo.metadata", "0.4.0"),
+    "lighting.probe.probes_in": _RenamedName("lighting.probe.bracket", "probes_in", "0.4.0"),
+    "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.4.0"),
+    "lighting.video.stream.Tracker.given": _RenamedName("lighting.video.stream", "Tracker.user_input", "0.4.0"),
+    "lighting.write_exr.colours": _RenamedName("lighting", "write_exr.colors", "0.4.0"),
 }
-# What people type, without dashes, in commands, URLs and forms alike. The old names go in 0.3.0, the short ones stay.
+# What people type, without dashes, in commands, URLs and forms alike. The old names go in 0.4.0, the short ones stay.
 OLD_NAMES = {"colours": "colors", "exif": "metadata", "tool": "for"}
 SHORT_FORMS = {"lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
 FOREIGN_NAMES = {  # of parameters in other programs, by ours: for errors, which name the right one

@@ -31,6 +31,10 @@ class Around(StrEnum):
     """Sky and ground alone."""
 
 
+BACKDROPS = ("city", "waterfront", "parking", "garden", "meadow", "forest", "shore", "desert", "mountain", "snow")
+"""Kinds of the places whose detail a map shows around its photo."""
+
+
 @dataclass(frozen=True)
 class OptionText:
     """What people read of an option."""
@@ -132,12 +136,13 @@ class Adjustments:
 
 
 class MapKeywords(TypedDict, total=False):
-    """The fields of MapOptions but the height, as keywords; and two that `around` replaces, until 0.3.0."""
+    """The fields of MapOptions but the height, as keywords; and two that `around` replaces, until 0.4.0."""
 
     sun: bool | None
     yaw: float
     sky: str | None
     around: str | None
+    backdrop: str | None
     disc: bool
     adjustments: Adjustments
     surroundings: bool | None
@@ -177,6 +182,11 @@ class MapOptions:
         ),
     )
     """One of Around. None: "place" where the network predicts it, else "plain"."""
+    backdrop: str | None = option(
+        None,
+        OptionText("the kind of place around the photo; by default what suits it", "NAME", choices=lambda: BACKDROPS),
+    )
+    """One of BACKDROPS, of which the detail around the photo is. None: what suits the photo."""
     disc: bool = option(True, OptionText("paint the sun's disc; without it the sun still lights the ground"))
     """False leaves the sun's disc for a light of its own; the sun still lights the ground."""
     adjustments: Adjustments = field(default_factory=Adjustments)
@@ -190,9 +200,12 @@ class MapOptions:
         if isinstance(self.around, Around):
             object.__setattr__(self, "around", self.around.value)
         texts = option_texts(MapOptions)
-        for name in ("yaw", "sky", "around"):
+        for name in ("yaw", "sky", "around", "backdrop"):
             if (value := getattr(self, name)) is not None:
                 check_option(name, value, texts[name])
+        if self.backdrop is not None and self.around not in (None, Around.PLACE.value):
+            predicate = f'is for around "place", not "{self.around}".'
+            raise ParameterError.about("backdrop", predicate, ErrorCode.CONTRADICTION)
         if not isinstance(self.adjustments, Adjustments):
             predicate = f"must be Adjustments, not {reprlib.repr(self.adjustments)}."
             raise ParameterError.about("adjustments", predicate, ErrorCode.WRONG_TYPE)

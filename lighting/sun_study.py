@@ -32,7 +32,7 @@ from lighting.solar_position import sun_position
 RECORDS, STAGE_FOLDER = "lighting.jsonl", "usd"
 STEP_RANGE = (5.0, 360.0)  # minutes between two maps
 _FINE_STEP = 10.0  # minutes, at most, between two suns of the stage, which are interpolated
-_GUESS = "The photo in the map stays as it was taken. The place around it is relit: a guess."
+_GUESS = "The place around the photo is relit: a guess."
 _CLEAR = "The sun does not shine on the photo, so its power is that of a clear sky."
 _NO_PLACE = "The place is not known: state latitude and longitude."
 _NO_HEADING = "Where the camera points is not known: state the heading, or the photo's time and place."

@@ -93,7 +93,7 @@ def _command_section(context: click.Context) -> Iterator[str]:
             yield from (f"**{title}**", "")
         yield from write_table(("option", "default", "meaning"), (_option_row(*record) for record in records))
     if isinstance(command, Command) and (old := _old_names(command)):
-        yield from (f"Old names, until 0.3.0: {old}.", "")
+        yield from (f"Old names, until 0.4.0: {old}.", "")
     if isinstance(command, Command | Group) and command.examples:
         yield from ("```sh", *command.examples, "```", "")
 

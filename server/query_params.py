@@ -33,7 +33,7 @@ _Q = TypeVar("_Q", bound="Query")
 
 
 class Query(BaseModel):
-    """Parameters of a URL; unknown names are refused, short ones are read, and old ones are until 0.3.0."""
+    """Parameters of a URL; unknown names are refused, short ones are read, and old ones are until 0.4.0."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     old_names: ClassVar[Mapping[str, str]] = {}
@@ -233,7 +233,7 @@ class _EditQuery(_IrradianceQuery):
     """Fields of the record that replace the estimate; irradiances that are not among them follow the sky.
 
     `exposure` and `vertical_fov` once were those of the record. Beside `photo_exposure`, or `vertical_fov` beside
-    `fov`, they still are until 0.3.0.
+    `fov`, they still are until 0.4.0.
     """
 
     @model_validator(mode="before")
@@ -270,9 +270,9 @@ class _EditQuery(_IrradianceQuery):
         return {fields_of.get(name, name): value for name, value in values.items()}
 
 
-@with_options(MapOptions, "around", "sky")
+@with_options(MapOptions, "around", "backdrop", "sky")
 class PlaceQuery(ViewQuery):
-    """What the light of a photo shows around it. Until 0.3.0 the switches `surroundings` and `detail` say it, too."""
+    """What the light of a photo shows around it. Until 0.4.0 the switches `surroundings` and `detail` say it, too."""
 
     @model_validator(mode="before")
     @classmethod
@@ -300,7 +300,7 @@ class PlaceQuery(ViewQuery):
 class ProbeQuery(ViewQuery):
     """A light probe for an engine."""
 
-    old_names: ClassVar[Mapping[str, str]] = {"format": "for"}  # gone in 0.3.0
+    old_names: ClassVar[Mapping[str, str]] = {"format": "for"}  # gone in 0.4.0
     tool: Annotated[str, RegistryName(LIGHT_PROBE_FORMATS)] = Field(
         "record", alias="for", description="the engine that takes it; `record` is the record's `light_probe`"
     )

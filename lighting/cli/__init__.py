@@ -58,7 +58,7 @@ _SECTIONS = {  # of a long help, in this order, as are the options in each; othe
         *("--shadow", "--horizon", "--vertical", "--camera", "--vertical-fov"),
         *("--reference", "--camera-height", "--no-metadata", "--model"),
     ),
-    "Map": ("--around", "--sky", "--yaw", "--disc", "--compression", "--colors"),
+    "Map": ("--around", "--backdrop", "--sky", "--yaw", "--disc", "--compression", "--colors"),
 }
 _LONG = 24  # options, from which on a help has sections
 
@@ -96,7 +96,7 @@ class Command(_Helped):
     """A command whose help ends with examples, and that knows the old names of its options."""
 
     renamed: ClassVar[Mapping[str, str]] = OLD_OPTIONS
-    """Options' names by the old ones, which still work until 0.3.0 and which no help shows."""
+    """Options' names by the old ones, which still work until 0.4.0 and which no help shows."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments; UsageError for one too many.

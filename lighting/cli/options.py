@@ -312,7 +312,7 @@ _ADJUSTMENTS: dict[str, Decorator] = {  # by the parameters of a command
         for name in ("haze", "overcast", "pick")
     },
 }
-_SWITCHES: dict[str, Decorator] = {  # that `around` replaces, until 0.3.0
+_SWITCHES: dict[str, Decorator] = {  # that `around` replaces, until 0.4.0
     name: click.option(f"--{name}/--no-{name}", default=None, hidden=True, help="An old form of --around.")
     for name in ("surroundings", "detail")
 }

@@ -207,6 +207,17 @@ def test_of_a_checkout_a_job_reads_the_modules_alone_and_lists_the_names_beside_
         assert ({root / "lighting", root / "server"} <= set(rights)) != installed
 
 
+@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
+def test_a_job_reads_modules_that_are_installed_as_links(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As by uv's `--link-mode symlink`."""
+    (stored := tmp_path / "cache" / "a" / "numpy.dist-info").mkdir(parents=True)
+    (listed := tmp_path / "site-packages" / "numpy.dist-info").mkdir(parents=True)
+    (stored / "METADATA").touch()
+    (listed / "METADATA").symlink_to(stored / "METADATA")
+    monkeypatch.setattr(sys, "path", [str(listed.parent)])
+    assert confinement._python_rights(0b1101)[stored.parent.resolve()] == 0b1101
+
+
 def run_filter(program: list[tuple[int, int, int, int]], machine: str, call: int, *arguments: int) -> int:
     """The verdict of a filter about a call: what the kernel's interpreter of such programs does."""
     architecture = confinement._ARCHITECTURES[machine]
