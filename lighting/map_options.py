@@ -157,7 +157,7 @@ class MapOptions:
         512, OptionText("rows of the map, even; columns are twice that", "ROWS", (MIN_HEIGHT, MAX_HEIGHT), 512)
     )
     """Rows of the map, even, 16 to 4096."""
-    sun: bool | None = option(None, OptionText("paint the sun; by default if its power is known or it likely shines"))
+    sun: bool | None = option(None, OptionText("paint the sun; by default if it likely shines"))
     """Whether the sun is in the map. None: by `Lighting.sun_painted`."""
     yaw: float = option(
         0.0, OptionText("turn the map, with sun and record, to the right", "DEG", (-360.0, 360.0), 90.0)

@@ -162,7 +162,9 @@ def test_names_are_those_of_the_command_line() -> None:
     for option in _OPTIONS.values():
         command: Any = option(lambda: None)
         options.add(command.__click_params__[0].opts[0].removeprefix("--"))
-    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-metadata"} | {"metadata"}
+    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-metadata", "camera"} | {
+        "metadata"
+    }
 
 
 @pytest.mark.parametrize(
