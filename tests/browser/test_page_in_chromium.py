@@ -43,6 +43,7 @@ from tests.helpers.visits import Seen, visit_feature
 
 ROOT = Path(__file__).parents[2]
 PHOTO = ROOT / "examples" / "railway_field.jpg"
+STREET = ROOT / "examples" / "brick_street.jpg"  # whose answer is unsure
 NOON = ROOT / "examples" / "rome" / "noon_steps.jpg"
 DATED = "dated.jpg"  # the same with its time and focal length, and without its location
 FIRST_VIEW = 150_000  # bytes, compressed, without the pictures of examples
@@ -106,7 +107,7 @@ def write_files(folder: Path) -> dict[str, Any]:
         del exif[ExifTags.Base.GPSInfo]
         photo.save(folder / DATED, exif=exif)
     return {
-        **{"folder": str(folder), "photo": str(PHOTO), "other": str(NOON), "dated": str(folder / DATED)},
+        **{"folder": str(folder), "photo": str(PHOTO), "other": str(NOON), "street": str(STREET), "dated": str(folder / DATED)},
         **{
             "groundMask": str(folder / "ground-mask.png"),
             "small": str(folder / "small.png"),
@@ -235,6 +236,7 @@ def read_luminance(file: Path) -> NDArray[np.float64]:
         "key",
         "metadata",
         "undo",
+        "tools",
         "object",
         "downloads",
         "several",
@@ -407,6 +409,33 @@ class TestMetadata:
 
     def test_axe_finds_nothing_serious(self, seen: Seen) -> None:
         assert seen["faults"] == []
+
+
+class TestTools:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("tools")
+
+    def test_an_unsure_answer_has_suns_to_pick_from(self, seen: Seen) -> None:
+        pressed, picked, undone = seen["picked"]
+        assert (seen["chips"], pressed) == (3, "true")
+        assert picked != undone
+
+    def test_the_sun_follows_a_shadow_while_it_is_drawn(self, seen: Seen) -> None:
+        before, live = seen["live"]
+        assert before != live
+        assert seen["loupe"]
+
+    def test_a_drawn_shadow_is_evidence_until_it_is_undone(self, seen: Seen) -> None:
+        unsure, with_shadow, undone = seen["trust"]
+        assert unsure.startswith("Unsure: draw a shadow")
+        assert with_shadow == "Sure"
+        assert undone == unsure
+        assert seen["drawn"] == ["Shadow ×"]
+        assert seen["asked"] >= 1
+
+    def test_a_thing_of_known_size_is_stated(self, seen: Seen) -> None:
+        assert seen["size"] == [["Size ×"], True]
 
 
 class TestUndo:

@@ -126,6 +126,8 @@ const EVIDENCE_TEXTS: Record<string, string> = {
   heading: "the compass heading",
   "focal length": "the lens's focal length",
   gravity: "how the camera was held",
+  shadow: "the shadow that you drew",
+  "drawn camera": "the horizon that you drew",
   "camera exposure": "the camera's exposure (how bright the scene was)",
   turns: "the turns between the photos",
   "other photos": "the other photos",

@@ -77,5 +77,10 @@ function userInputArguments(userInput: UserInput): string {
     camera_height: userInput.camera_height,
   };
   for (const [name, value] of Object.entries(numbers)) if (value) parts.push(`${name}=${Number(value)}`);
+  const { shadow, horizon, reference } = userInput;
+  if (shadow) parts.push(`shadows=[${shadow.split(";").map(quotePython).join(", ")}]`);
+  for (const [name, value] of Object.entries({ horizon, reference })) {
+    if (value) parts.push(`${name}=${quotePython(value)}`);
+  }
   return parts.join(", ");
 }

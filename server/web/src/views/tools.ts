@@ -18,6 +18,17 @@ const HELP: Record<Tool, string> = {
   horizon: "Drag along the horizon, from left to right.",
   size: "Drag from the foot of a thing to its top, then say how high it is.",
 };
+const KINDS: Record<string, { name: string; help: string; taps?: boolean }> = {
+  "": { name: "from a foot to its tip", help: HELP.shadow },
+  own: {
+    name: "of my camera or hands",
+    help: "Tap the shadow of your camera, or of the hands that hold it.",
+    taps: true,
+  },
+  head: { name: "of my head", help: "Tap the shadow of your head.", taps: true },
+  line: { name: "without a foot", help: "Drag along a straight edge of a shadow on the ground." },
+  lit: { name: "on a wall, post or trunk", help: "Drag from the side in shade to the side in light." },
+};
 const NAMES: Record<DrawnField, string> = { shadow: "Shadow", horizon: "Horizon", reference: "Size" };
 const LOUPE = 128; // CSS pixels
 const ZOOM = 2.5; // of the loupe
@@ -35,6 +46,7 @@ export class Tools {
   private readonly pad = byId<SVGSVGElement>("pad");
   private readonly loupe = byId<HTMLCanvasElement>("loupe");
   private readonly meters = byId<HTMLInputElement>("meters");
+  private readonly kind = byId<HTMLSelectElement>("shadow-kind");
   private view: PhotoView | undefined;
   private tool: Tool = "place";
   private start: Point | undefined;
@@ -46,6 +58,8 @@ export class Tools {
     this.pad.addEventListener("pointermove", (event) => this.follow(event));
     this.pad.addEventListener("pointerup", (event) => this.finish(event));
     this.pad.addEventListener("pointercancel", () => this.clear());
+    for (const [value, { name }] of Object.entries(KINDS)) this.kind.append(new Option(`Shadow ${name}`, value));
+    this.kind.addEventListener("change", () => this.choose("shadow"));
     byId("size-form").addEventListener("submit", (event) => {
       event.preventDefault();
       this.state("reference", this.meters.value);
@@ -77,7 +91,8 @@ export class Tools {
   private choose(tool: Tool): void {
     this.tool = tool;
     findRadio(byId("tools"), tool).checked = true;
-    byId("tool-help").textContent = HELP[tool];
+    this.kind.hidden = tool !== "shadow";
+    byId("tool-help").textContent = tool === "shadow" ? (KINDS[this.kind.value]?.help ?? "") : HELP[tool];
     this.pad.toggleAttribute("hidden", tool === "place");
     this.clear();
   }
@@ -106,7 +121,7 @@ export class Tools {
     this.end = this.pointOf(event);
     this.draw();
     this.drawLoupe(this.end);
-    if (this.tool !== "shadow" || !this.isLongEnough() || !this.view) return;
+    if (this.tool !== "shadow" || this.kind.value || !this.isLongEnough() || !this.view) return;
     const azimuth = shadowAzimuth(this.start, this.end, this.view.estimate.camera, this.size());
     if (azimuth !== undefined) this.actions.turnSun(azimuth);
   }
@@ -114,7 +129,7 @@ export class Tools {
   private finish(event: PointerEvent): void {
     this.loupe.hidden = true;
     if (this.tool === "sun") this.actions.forward(event);
-    else if (!this.isLongEnough()) this.clear();
+    else if (!this.start || !(this.isLongEnough() || this.isTap())) this.clear();
     else if (this.tool === "size") {
       byId("size-form").hidden = false;
       this.meters.focus();
@@ -127,13 +142,20 @@ export class Tools {
     const area = this.view?.photo.area;
     if (!this.view || !area || !this.start || !this.end) return;
     const { width, height } = this.size();
-    const pixels = [this.start, this.end].flatMap(([x, y]) => [
+    const points = this.isTap() ? [this.end] : [this.start, this.end];
+    const pixels = points.flatMap(([x, y]) => [
       (area.left + (x / width) * area.width).toFixed(1),
       (area.top + (y / height) * area.height).toFixed(1),
     ]);
-    const text = [...pixels, ...more].join(",");
+    const prefix = field === "shadow" && this.kind.value ? `${this.kind.value}:` : "";
+    const text = prefix + [...pixels, ...more].join(",");
     const before = field === "shadow" && this.view.userInput.shadow ? `${this.view.userInput.shadow};` : "";
     this.actions.state({ ...this.view.userInput, [field]: before + text });
+  }
+
+  /** Whether one point is all that is asked for. */
+  private isTap(): boolean {
+    return this.tool === "shadow" && KINDS[this.kind.value]?.taps === true;
   }
 
   private isLongEnough(): boolean {

@@ -1,0 +1,61 @@
+// What is drawn on a photo: a sun that is picked, a shadow whose light follows the finger, a size, and all of it undone.
+import { open, relit } from "./visit.mjs";
+
+export const flat = true; // the drawing alone is looked at
+
+export async function visit(browser, url, seen, { street }) {
+  const page = await open(browser, url, seen, { width: 900, height: 900 }, { flat: true });
+  await relit(page, () => page.setInputFiles("#file", street));
+  seen.trust = [await page.textContent("#trust")];
+  seen.chips = await page.locator("#suns button").count();
+  await page.locator("#suns button").nth(1).click();
+  seen.picked = [await page.locator("#suns button").nth(1).getAttribute("aria-pressed"), await direction(page)];
+  await page.click("#undo");
+  seen.picked.push(await direction(page));
+
+  await page.locator("#tools label", { hasText: "shadow" }).click();
+  const at = await picture(page);
+  seen.live = [await direction(page)];
+  await page.mouse.move(...at(0.82, 0.96));
+  await page.mouse.down();
+  await page.mouse.move(...at(0.62, 0.83), { steps: 3 });
+  seen.live.push(await direction(page));
+  seen.loupe = await page.isVisible("#loupe");
+  await stated(page, () => page.mouse.up(), 1);
+  seen.drawn = await page.locator("#drawn button").allTextContents();
+  seen.trust.push(await page.textContent("#trust"));
+  seen.evidence = await page.textContent("#evidence");
+  seen.asked = page.requests.filter((address) => address.includes("shadow=")).length;
+  await stated(page, () => page.click("#undo"), 0);
+  seen.trust.push(await page.textContent("#trust"));
+
+  await page.locator("#tools label", { hasText: "size" }).click();
+  await page.mouse.move(...at(0.82, 0.96));
+  await page.mouse.down();
+  await page.mouse.move(...at(0.76, 0.1), { steps: 3 });
+  await page.mouse.up();
+  await page.fill("#meters", "4.5");
+  await stated(page, () => page.click("#size-form button"), 1);
+  seen.size = [
+    await page.locator("#drawn button").allTextContents(),
+    page.requests.some((a) => /reference=[^&]*4\.5/.test(a)),
+  ];
+  await page.context().close();
+}
+
+const direction = (page) => page.textContent("output[for=sun_azimuth]");
+
+/** A function from shares of the picture's width and height to points of the page. */
+async function picture(page) {
+  await page.evaluate(() => document.getElementById("frame").scrollIntoView({ block: "center" }));
+  const { x, y, width, height } = await page.locator("#frame").boundingBox();
+  return (right, down) => [x + right * width, y + down * height];
+}
+
+/** Does something and waits until the page lists so many things that were drawn, and their light. */
+async function stated(page, act, count) {
+  await relit(page, async () => {
+    await act();
+    await page.waitForFunction((n) => document.querySelectorAll("#drawn button").length === n, count, { polling: 100 });
+  });
+}
