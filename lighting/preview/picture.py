@@ -220,7 +220,9 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     elif lighting.sun_elevation < 0:
         accuracy = f"twilight: the sun is {where}"
     else:
-        accuracy = f"an overcast or shaded scene; if it shone, it would {hedge}be {where}; {describe_trust(lighting)}"
+        accuracy = (
+            f"an overcast or shaded scene; if the sun shone, it would {hedge}be {where}; {describe_trust(lighting)}"
+        )
     model = f"{lighting.model_name} {lighting.model_version}"
     size = _fit_text_size(accuracy, 20, WIDTH - 2 * _MARGIN - _GAP - text_width(model, 18))
     draw_text(canvas, (_MARGIN, _MARGIN + 40), accuracy, TextStyle(size, MUTED))

@@ -107,7 +107,13 @@ def write_files(folder: Path) -> dict[str, Any]:
         del exif[ExifTags.Base.GPSInfo]
         photo.save(folder / DATED, exif=exif)
     return {
-        **{"folder": str(folder), "photo": str(PHOTO), "other": str(NOON), "street": str(STREET), "dated": str(folder / DATED)},
+        **{
+            "folder": str(folder),
+            "photo": str(PHOTO),
+            "other": str(NOON),
+            "street": str(STREET),
+            "dated": str(folder / DATED),
+        },
         **{
             "groundMask": str(folder / "ground-mask.png"),
             "small": str(folder / "small.png"),

@@ -30,9 +30,10 @@ export async function visit(browser, url, seen, { street }) {
   seen.trust.push(await page.textContent("#trust"));
 
   await page.locator("#tools label", { hasText: "size" }).click();
-  await page.mouse.move(...at(0.82, 0.96));
+  const there = await picture(page); // which another answer may have moved
+  await page.mouse.move(...there(0.82, 0.96));
   await page.mouse.down();
-  await page.mouse.move(...at(0.76, 0.1), { steps: 3 });
+  await page.mouse.move(...there(0.76, 0.1), { steps: 3 });
   await page.mouse.up();
   await page.fill("#meters", "4.5");
   await stated(page, () => page.click("#size-form button"), 1);

@@ -69,7 +69,9 @@ def test_photos_without_a_known_sun_are_left_out(tmp_path: Path, network: Path) 
     index.write_text("file,group,sun_azimuth,sun_elevation\na.png,x,20,30\nnone.png,y,,\n", encoding="utf-8")
     text = photo_report(index, {"tiny": Model.load(network)})
     assert "All that have an azimuth: 1 scenes, 1 photos" in text
-    assert text.splitlines()[-1].startswith("| tiny | ")
+    figures, trust = text.split("Trust and candidates, 1 photos")
+    assert figures.splitlines()[-2].startswith("| tiny | ")
+    assert trust.splitlines()[-1].startswith(("| sure | 1 ", "| unsure | 1 ", "| no sun | 1 "))
 
 
 def test_low_suns_answered_high_show_as_a_bias() -> None:
