@@ -19,13 +19,12 @@ from lighting.records import (
     SunCandidate,
     SunDistribution,
     SunEstimate,
+    visibility_attenuation,
 )
 from lighting.sky import PAINTED_SKY
 from lighting.sky.clear_sky import sun_radiance
 from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credible_radii, grid_directions, likeliest_suns
 
-_MIN_SURE_VISIBILITY = 0.8  # from which the sun has its full irradiance
-_VISIBILITY_EXPONENT = 5.0  # of the fall below it, by panoramas of `train` that the networks asked never saw
 _DAPPLED_VISIBILITY = (0.25, 0.8)  # in which the network doubts that the sun shines
 _LEAST_DAPPLED = 0.5  # visibility of a sun that reaches a part of the ground, as 25 of 29 photos of `train` show it
 _MIN_DAPPLED_ELEVATION = 5.0  # deg, of a sun whose patches on the ground say how strong it is
@@ -138,18 +137,6 @@ def _stated_light(light: Light, visibility: float) -> dict[str, Color | float]:
         "sky_cover": round_significant(cover),
         "suitable": round_significant(suitable),
     }
-
-
-def visibility_attenuation(visibility: float) -> float:
-    """The share of its irradiance that the sun keeps, by the probability that its light reaches the scene.
-
-    The network predicts the power of a sun that may be covered as something between none and that of a clear sky.
-    Where it doubts that the sun shines, a sun painted at that power casts a shadow that is not in the photo.
-
-    Args:
-        visibility: the probability, 0 to 1.
-    """
-    return float(np.clip(visibility / _MIN_SURE_VISIBILITY, 0.0, 1.0) ** _VISIBILITY_EXPONENT)
 
 
 def doubts_sun(lighting: Lighting) -> bool:

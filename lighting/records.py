@@ -41,6 +41,8 @@ Color = tuple[float, float, float]  # linear Rec.709
 
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 MIN_SUITABLE = 0.5  # `suitable` below it earns a warning
+_MIN_SURE_VISIBILITY = 0.8  # from which the sun has its full irradiance
+_VISIBILITY_EXPONENT = 5.0  # of the fall below it, by panoramas of `train` that the networks asked never saw
 SURE_RADIUS = 45.0  # deg, largest `radius_90` of a sure answer; `export evaluate` prints what such answers are worth
 MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
 SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
@@ -473,6 +475,18 @@ class Lighting:
             return cls(**values)
         except ParameterError as error:
             raise error.renamed(record_path) from error
+
+
+def visibility_attenuation(visibility: float) -> float:
+    """The share of its irradiance that the sun keeps, by the probability that its light reaches the scene.
+
+    The network predicts the power of a sun that may be covered as something between none and that of a clear sky.
+    Where it doubts that the sun shines, a sun painted at that power casts a shadow that is not in the photo.
+
+    Args:
+        visibility: the probability, 0 to 1.
+    """
+    return float(np.clip(visibility / _MIN_SURE_VISIBILITY, 0.0, 1.0) ** _VISIBILITY_EXPONENT)
 
 
 def describe_trust(lighting: Lighting) -> str:

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from lighting.color import luminance
-from lighting.decoding import visibility_attenuation
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
 from lighting.envmap.render import clear_irradiance, sky_irradiance, sun_light, with_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES, clip_color, round_significant
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.map_options import Adjustments, MapOptions
-from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting
+from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting, visibility_attenuation
 from lighting.sky import SKY_MODEL
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one

@@ -437,11 +437,11 @@ class TestTools:
         assert unsure.startswith("Unsure: draw a shadow")
         assert with_shadow == "Sure"
         assert undone == unsure
-        assert seen["drawn"] == ["Shadow ×"]
+        assert seen["drawn"] == ["Shadow \N{MULTIPLICATION SIGN}"]
         assert seen["asked"] >= 1
 
     def test_a_thing_of_known_size_is_stated(self, seen: Seen) -> None:
-        assert seen["size"] == [["Size ×"], True]
+        assert seen["size"] == [["Size \N{MULTIPLICATION SIGN}"], True]
 
 
 class TestUndo:

@@ -21,12 +21,11 @@ from lighting.decoding import (
     light_to_vector,
     lighting_from_prediction,
     sun_from_rings,
-    visibility_attenuation,
     with_dappled_sun,
 )
 from lighting.fields import RANGES
 from lighting.geometry import angle_between, direction, wrap_azimuth
-from lighting.records import Light, Lighting, Prediction
+from lighting.records import Light, Lighting, Prediction, visibility_attenuation
 from lighting.sun_grid import HEADINGS, soft_label, von_mises
 from tests.conftest import TINY
 
