@@ -8,10 +8,10 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import anyio
 import anyio.to_thread
@@ -25,15 +25,13 @@ import lighting.scene.writer as writer
 from lighting.errors import LightingError, describe_error
 from lighting.estimator import Estimator
 from lighting.files import encode_jpeg, is_address
-from lighting.geometry import angle_between, angles
 from lighting.map_options import MapOptions
 from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
 from lighting.photo.tags import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.photo_estimate import Estimate
-from lighting.records import MIN_SUITABLE, EvidenceKind, Json, Lighting
+from lighting.records import MIN_SUITABLE, EvidenceKind, Json, Lighting, Trust
 from lighting.scene import EXPORTERS
-from lighting.sun_grid import bayes_direction, grid_directions
 from lighting.version import __version__
 from server.query_params import (
     AdjustQuery,
@@ -51,10 +49,6 @@ Azimuths are degrees from where the camera points, positive to the right.
 Ask explain_answer before you rely on the sun, and tell the person what would help.
 Paths are below these folders; relative ones begin in the first: {}"""
 _PREVIEW_QUALITY = 85  # of its JPEG, 1 to 100
-_APART = 40.0  # deg between suns that the answer names, at least
-_MOST_SUNS = 3
-_MIN_SHARE = 0.05  # of the probability, that another sun has
-_SURE_RADIUS = 45.0  # deg: docs/understand/trust.md
 _HELP = {  # what the person may state, by the evidence that it makes
     EvidenceKind.TIME_AND_PLACE: "time (with its offset from UTC), latitude and longitude of the photo",
     EvidenceKind.SHADOW: "shadow: a shadow on level ground, from the foot of what casts it to its tip, in pixels",
@@ -87,20 +81,12 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-class SunCandidate(_Part):
-    """Where the sun may be."""
-
-    azimuth: float = Field(description="deg from where the camera points, positive to the right")
-    elevation: float = Field(description="deg above the horizon")
-    share: float = Field(description="of the probability, 0 to 1, of all directions nearer to this sun than to others")
-
-
 class Explanation(_Part):
     """How far to trust an answer, and what would make it better."""
 
-    trust: Literal["sure", "unsure", "no sun"] = Field(description="of the sun's direction")
+    trust: Trust = Field(description="of the sun's direction")
     reasons: list[str] = Field(description="sentences")
-    candidates: list[SunCandidate] = Field(description="likeliest first")
+    candidates: list[LightingRecord.SunPart.CandidatePart] = Field(description="where the sun may be, likeliest first")
     would_help: list[str] = Field(description="what the person could state: fields of `known` and `options`")
     evidence: list[str] = Field(description="what the answer uses")
     warnings: list[str] = Field(description="sentences of the record")
@@ -204,7 +190,7 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
         known: UserInputQuery = UserInputQuery(),  # noqa: B008  # frozen
     ) -> Annotated[CallToolResult, Explanation]:
         """Say how far to trust the estimate of a photo, where else the sun may be, and what would help."""
-        return await work(ctx, photo, known, lambda estimate: _answer(explain_estimate(estimate)))
+        return await work(ctx, photo, known, lambda estimate: _answer(explain_light(estimate.lighting)))
 
     @server.tool(annotations=_READS, structured_output=False)
     async def draw_preview(
@@ -279,47 +265,28 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
     return server
 
 
-def explain_estimate(estimate: Estimate) -> Explanation:
-    """Return how far to trust an estimate, by the rules of the book's page on trust.
+def explain_light(light: Lighting) -> Explanation:
+    """Return how far to trust a light, and what would help.
 
     Args:
-        estimate: of a photo.
+        light: of a photo.
     """
-    light = estimate.lighting
-    shines, is_sure = light.sun_shines, light.radius_90 <= _SURE_RADIUS
-    reasons = [f"The sun shines on the scene with a probability of {light.sun_visibility:.2f}."]
-    reasons.append(f"It lies within {light.radius_90:.0f} deg of the answer with a probability of 0.9.")
-    unsuitable = light.suitable is not None and light.suitable < MIN_SUITABLE
-    if unsuitable:
+    reasons = [
+        f"The sun shines on the scene with a probability of {light.sun_visibility:.2f}.",
+        f"It lies within {light.radius_90:.0f} deg of the answer with a probability of 0.9.",
+    ]
+    helps = [text for kind, text in _HELP.items() if kind.value not in light.evidence]
+    if light.suitable is not None and light.suitable < MIN_SUITABLE:
         reasons.insert(0, "This is probably no photo of outdoors by daylight: use nothing of the answer.")
-    missing = [text for kind, text in _HELP.items() if kind.value not in light.evidence]
+        helps = ["another photo, of outdoors by daylight"]
     return Explanation(
-        trust="unsure" if unsuitable or (shines and not is_sure) else "sure" if shines else "no sun",
+        trust=light.trust,
         reasons=reasons,
-        candidates=list(_candidates(estimate)),
-        would_help=["another photo, of outdoors by daylight"] if unsuitable else [] if is_sure else missing,
+        candidates=[LightingRecord.SunPart.CandidatePart(**asdict(sun)) for sun in light.sun_candidates],
+        would_help=[] if light.trust == Trust.SURE else helps,
         evidence=list(light.evidence),
         warnings=list(light.warnings),
     )
-
-
-def _candidates(estimate: Estimate) -> Iterator[SunCandidate]:
-    """The likeliest suns, each away from the others, with the probability of the directions nearest to it."""
-    grid, probability = estimate.distribution.grid, estimate.distribution.probability.astype(np.float64)
-    cells, suns = grid_directions(grid), [np.asarray(estimate.lighting.sun_direction)]
-    left = probability.copy()
-    while len(suns) < _MOST_SUNS:
-        left[angle_between(cells, suns[-1]) < _APART] = 0.0
-        if left.sum() < _MIN_SHARE:
-            break
-        suns.append(bayes_direction(left / left.sum(), grid))
-    nearest = np.argmax(cells @ np.array(suns).T, axis=1)
-    shares = np.bincount(nearest, probability, len(suns))
-    for sun, share in sorted(zip(suns, shares, strict=True), key=lambda pair: -pair[1]):
-        azimuth, elevation = angles(sun)
-        yield SunCandidate(
-            azimuth=round(float(azimuth), 1), elevation=round(float(elevation), 1), share=round(share, 3)
-        )
 
 
 def _record(lighting: Lighting) -> Json:
@@ -329,7 +296,7 @@ def _record(lighting: Lighting) -> Json:
 
 def _answer(content: Json | BaseModel) -> CallToolResult:
     """Content as it is, and as text for clients that read no other."""
-    values = content.model_dump() if isinstance(content, BaseModel) else content
+    values = content.model_dump(mode="json") if isinstance(content, BaseModel) else content
     return CallToolResult(content=[TextContent(type="text", text=json.dumps(values))], structured_content=values)
 
 

@@ -94,7 +94,7 @@ def test_every_tool_answers(folder: Path) -> None:
 
         said = (await call("explain_answer", photo="photo.jpg")).structured_content
         assert said["trust"] in ("sure", "unsure", "no sun")
-        assert sum(sun["share"] for sun in said["candidates"]) == pytest.approx(1.0, abs=0.01)
+        assert sum(sun["probability"] for sun in said["candidates"]) == pytest.approx(1.0, abs=0.01)
         assert not any(text.startswith("time") for text in said["would_help"])  # which the photo has
 
         shown = await call("draw_preview", photo="photo.jpg", options={"overcast": True})
