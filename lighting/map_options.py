@@ -31,6 +31,10 @@ class Around(StrEnum):
     """Sky and ground alone."""
 
 
+BACKDROPS = ("city", "waterfront", "parking", "garden", "meadow", "forest", "shore", "desert", "mountain", "snow")
+"""Kinds of the places whose detail a map shows around its photo."""
+
+
 @dataclass(frozen=True)
 class OptionText:
     """What people read of an option."""
@@ -138,6 +142,7 @@ class MapKeywords(TypedDict, total=False):
     yaw: float
     sky: str | None
     around: str | None
+    backdrop: str | None
     disc: bool
     adjustments: Adjustments
     surroundings: bool | None
@@ -152,7 +157,7 @@ class MapOptions:
         512, OptionText("rows of the map, even; columns are twice that", "ROWS", (MIN_HEIGHT, MAX_HEIGHT), 512)
     )
     """Rows of the map, even, 16 to 4096."""
-    sun: bool | None = option(None, OptionText("paint the sun; by default if its power is known or it likely shines"))
+    sun: bool | None = option(None, OptionText("paint the sun; by default if it likely shines"))
     """Whether the sun is in the map. None: by `Lighting.sun_painted`."""
     yaw: float = option(
         0.0, OptionText("turn the map, with sun and record, to the right", "DEG", (-360.0, 360.0), 90.0)
@@ -177,6 +182,11 @@ class MapOptions:
         ),
     )
     """One of Around. None: "place" where the network predicts it, else "plain"."""
+    backdrop: str | None = option(
+        None,
+        OptionText("the kind of place around the photo; by default what suits it", "NAME", choices=lambda: BACKDROPS),
+    )
+    """One of BACKDROPS, of which the detail around the photo is. None: what suits the photo."""
     disc: bool = option(True, OptionText("paint the sun's disc; without it the sun still lights the ground"))
     """False leaves the sun's disc for a light of its own; the sun still lights the ground."""
     adjustments: Adjustments = field(default_factory=Adjustments)
@@ -190,9 +200,12 @@ class MapOptions:
         if isinstance(self.around, Around):
             object.__setattr__(self, "around", self.around.value)
         texts = option_texts(MapOptions)
-        for name in ("yaw", "sky", "around"):
+        for name in ("yaw", "sky", "around", "backdrop"):
             if (value := getattr(self, name)) is not None:
                 check_option(name, value, texts[name])
+        if self.backdrop is not None and self.around not in (None, Around.PLACE.value):
+            predicate = f'is for around "place", not "{self.around}".'
+            raise ParameterError.about("backdrop", predicate, ErrorCode.CONTRADICTION)
         if not isinstance(self.adjustments, Adjustments):
             predicate = f"must be Adjustments, not {reprlib.repr(self.adjustments)}."
             raise ParameterError.about("adjustments", predicate, ErrorCode.WRONG_TYPE)

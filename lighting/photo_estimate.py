@@ -118,10 +118,10 @@ class Estimate(EstimatedLight):
         from lighting.envmap.surroundings import FINE_SIDE
         from lighting.rendered_map import render_map
 
-        context, pixels = self.context(options.around), self.photo.pixels
+        context, pixels = self.context(options), self.photo.pixels
         camera = photo_camera(self.photo_lighting, pixels.shape[1], pixels.shape[0])
         if context is not None and max(size_in_envmap(camera, options.height)) > max(pixels.shape[:2]):
-            context = self.context(options.around, self.photo.reread(FINE_SIDE).pixels)
+            context = self.context(options, self.photo.reread(FINE_SIDE).pixels)
         return render_map(self.lighting, options, context)
 
     def envmap(self, height: int = DEFAULT_MAP.height, **options: Unpack[MapKeywords]) -> NDArray[np.float32]:
@@ -129,7 +129,7 @@ class Estimate(EstimatedLight):
 
         Args:
             height: rows of the map, even, 16 to 4096.
-            options: the other fields of `lighting.MapOptions`: sun, yaw, sky, around, disc, adjustments.
+            options: the other fields of `lighting.MapOptions`: sun, yaw, sky, around, backdrop, disc, adjustments.
 
         Raises:
             ParameterError: a value is out of range.
@@ -189,7 +189,7 @@ class Estimate(EstimatedLight):
 
         light = light_of_map(self.lighting, options)
         with trace_step("map"), ONE_BLAS_THREAD:
-            return compute_light_probe(light, self.context(options.around), sun=options.sun, yaw=options.yaw)
+            return compute_light_probe(light, self.context(options), sun=options.sun, yaw=options.yaw)
 
     def preview(self, options: MapOptions = DEFAULT_MAP, **keywords: Unpack[MapKeywords]) -> "Pictures.Image":
         """Draw the photo, the sun's probability, the map and three spheres in the light, 1600 pixels wide.
@@ -211,7 +211,7 @@ class Estimate(EstimatedLight):
         options.refuse("a preview", "yaw")
         light, pixels = light_of_map(self.lighting, options), self.photo.reread(PHOTO_SIDE).pixels
         gain = light.exposure / max(self.photo_lighting.exposure, EPSILON_IRRADIANCE)
-        context = self.context(options.around, pixels)
+        context = self.context(options, pixels)
         with trace_step("map"), ONE_BLAS_THREAD:
             image, _ = render_view(light, options.height, sun=options.sun, context=context, disc=options.disc)
             shown = dataclasses.replace(self, lighting=light)
@@ -258,7 +258,7 @@ class Estimate(EstimatedLight):
 
         options.refuse("a scene", "yaw", "disc")
         light, plate = light_of_map(self.lighting, options), self.photo.reread(PLATE_SIDE)
-        context = self.context(options.around, plate.pixels)
+        context = self.context(options, plate.pixels)
         with trace_step("map"), ONE_BLAS_THREAD:
             return make_scene(
                 plate, light, map_height=options.height, sun=options.sun, context=context, segments=self.segments
@@ -307,18 +307,21 @@ class Estimate(EstimatedLight):
         light = self.photo_lighting
         return PhotoContext(self.photo.pixels, self.surroundings, light.exposure, light, self.segments, detail=True)
 
-    def context(self, around: str | None = None, pixels: NDArray[np.uint8] | None = None) -> "PhotoContext | None":
+    def context(
+        self, options: MapOptions = DEFAULT_MAP, pixels: NDArray[np.uint8] | None = None
+    ) -> "PhotoContext | None":
         """Return what a map shows of the photo and its place; None: sky and ground alone.
 
         Args:
-            around: one of Around; None: the place, where the network predicts it.
+            options: of the map; what is around the photo counts.
             pixels: (h, w, 3) sRGB of the photo, more of them; None: as it was read.
         """
+        around = options.around
         if around is None:
             around = Around.PLAIN if self.surroundings is None else Around.PLACE
         if around == Around.PLAIN:
             return None
-        place = self._place
+        place = self._place if options.backdrop is None else dataclasses.replace(self._place, backdrop=options.backdrop)
         if around == Around.PLACE and pixels is None:
             return place
         photo = place.photo if pixels is None else pixels

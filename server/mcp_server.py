@@ -30,7 +30,7 @@ from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
 from lighting.photo.tags import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.photo_estimate import Estimate
-from lighting.records import MIN_SUITABLE, EvidenceKind, Json, Lighting, Trust
+from lighting.records import MIN_SUITABLE, SURE_RADIUS, EvidenceKind, Json, Lighting, Trust
 from lighting.scene import EXPORTERS
 from lighting.version import __version__
 from server.query_params import (
@@ -86,7 +86,7 @@ class Explanation(_Part):
 
     trust: Trust = Field(description="of the sun's direction")
     reasons: list[str] = Field(description="sentences")
-    candidates: list[LightingRecord.SunPart.CandidatePart] = Field(description="where the sun may be, likeliest first")
+    candidates: list[LightingRecord.SunPart.CandidatePart] = Field(description="the answer first; `pick` takes another")
     would_help: list[str] = Field(description="what the person could state: fields of `known` and `options`")
     evidence: list[str] = Field(description="what the answer uses")
     warnings: list[str] = Field(description="sentences of the record")
@@ -190,7 +190,7 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
         known: UserInputQuery = UserInputQuery(),  # noqa: B008  # frozen
     ) -> Annotated[CallToolResult, Explanation]:
         """Say how far to trust the estimate of a photo, where else the sun may be, and what would help."""
-        return await work(ctx, photo, known, lambda estimate: _answer(explain_light(estimate.lighting)))
+        return await work(ctx, photo, known, lambda estimate: _answer(explain_estimate(estimate)))
 
     @server.tool(annotations=_READS, structured_output=False)
     async def draw_preview(
@@ -265,25 +265,28 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
     return server
 
 
-def explain_light(light: Lighting) -> Explanation:
-    """Return how far to trust a light, and what would help.
+def explain_estimate(estimate: Estimate) -> Explanation:
+    """Return how far to trust an estimate, by the rules of the book's page on trust.
 
     Args:
-        light: of a photo.
+        estimate: of a photo.
     """
-    reasons = [
-        f"The sun shines on the scene with a probability of {light.sun_visibility:.2f}.",
-        f"It lies within {light.radius_90:.0f} deg of the answer with a probability of 0.9.",
-    ]
-    helps = [text for kind, text in _HELP.items() if kind.value not in light.evidence]
-    if light.suitable is not None and light.suitable < MIN_SUITABLE:
+    light = estimate.lighting
+    reasons = [f"The sun shines on the scene with a probability of {light.sun_visibility:.2f}."]
+    reasons.append(f"It lies within {light.radius_90:.0f} deg of the answer with a probability of 0.9.")
+    unsuitable = light.suitable is not None and light.suitable < MIN_SUITABLE
+    if unsuitable:
         reasons.insert(0, "This is probably no photo of outdoors by daylight: use nothing of the answer.")
-        helps = ["another photo, of outdoors by daylight"]
+    missing = [text for kind, text in _HELP.items() if kind.value not in light.evidence]
     return Explanation(
         trust=light.trust,
         reasons=reasons,
         candidates=[LightingRecord.SunPart.CandidatePart(**asdict(sun)) for sun in light.sun_candidates],
-        would_help=[] if light.trust == Trust.SURE else helps,
+        would_help=["another photo, of outdoors by daylight"]
+        if unsuitable
+        else []
+        if light.radius_90 <= SURE_RADIUS
+        else missing,
         evidence=list(light.evidence),
         warnings=list(light.warnings),
     )
@@ -296,7 +299,7 @@ def _record(lighting: Lighting) -> Json:
 
 def _answer(content: Json | BaseModel) -> CallToolResult:
     """Content as it is, and as text for clients that read no other."""
-    values = content.model_dump(mode="json") if isinstance(content, BaseModel) else content
+    values = content.model_dump() if isinstance(content, BaseModel) else content
     return CallToolResult(content=[TextContent(type="text", text=json.dumps(values))], structured_content=values)
 
 

@@ -23,7 +23,7 @@ from server import field_types as types
 from server.field_types import InRange, NotNull, RegistryName, field_error, parameter_range
 from server.problems import InvalidField, invalid_field_error, invalid_fields_error
 
-SUN_BY_DEFAULT = "by default if its power is known or it likely shines"
+SUN_BY_DEFAULT = "by default if it likely shines"
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
 # Fields of a record whose names mean something else beside a photo: an adjustment, and what is known of its lens.
 _EDIT_NAMES = {"exposure": "sky_exposure", "vertical_fov": "camera_vertical_fov"}
@@ -270,7 +270,7 @@ class _EditQuery(_IrradianceQuery):
         return {fields_of.get(name, name): value for name, value in values.items()}
 
 
-@with_options(MapOptions, "around", "sky")
+@with_options(MapOptions, "around", "backdrop", "sky")
 class PlaceQuery(ViewQuery):
     """What the light of a photo shows around it. Until 0.4.0 the switches `surroundings` and `detail` say it, too."""
 

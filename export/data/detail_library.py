@@ -3,8 +3,7 @@
     python -m export.data.detail_library --data DIR
 
 Each is exposed like a photo. The sun and its glare are taken out, since a map has a sun of its own. It is kept as a
-small WebP picture beside the features by which it is chosen. `balance_library` then says what those cost that would be
-chosen too often.
+small WebP picture beside its kind and the features by which it is chosen.
 """
 
 import argparse
@@ -47,14 +46,32 @@ _LEFT_OUT = (
     *("mfecane_1189", "mfecane_1194", "mfecane_1195", "mfecane_1204", "mfecane_1213"),  # others show the same
     *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
     "industrial_sunset_02",  # no detail but rows of plants
+    *("docklands_02_sceneview", "mfecane_1208", "mfecane_1211", "mfecane_1227"),  # one knows the place: crane, ruin
+    *("mfecane_1186", "mfecane_1200", "mfecane_1210", "modern_buildings_2"),  # a roof, a pool, a pavilion
 )
-_SNOW = ("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01")
+_KIND_OF = {  # the others are cities
+    "waterfront": (
+        *("mfecane_1172", "mfecane_1176", "mfecane_1225", "mfecane_1229"),
+        *("san_giuseppe_bridge", "venice_dawn_pmndrs"),
+    ),
+    "parking": ("learner_park",),
+    "garden": ("suburban_garden",),
+    "meadow": (
+        *("mfecane_1183", "hochsal_field", "je_gray_park", "lilienstein", "limpopo_golf_course"),
+        *("rural_crossroads", "rural_landscape", "sunset_fairway", "wildflower_field"),
+    ),
+    "forest": ("mfecane_1167", "mfecane_1185", "mfecane_1209", "mfecane_1216", "mfecane_1224", "mossy_forest"),
+    "shore": ("mfecane_1180", "small_harbor_01", "sundowner_overlook"),
+    "desert": ("drakensberg_solitary_mountain", "kloofendal_overcast", "syferfontein_6d_clear"),
+    "mountain": ("mfecane_1228",),
+    "snow": ("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01"),
+}
 _QUALITY = 60  # of WebP, 0 to 100
 _ROW = np.dtype(
     [
         *(("name", "U40"), ("size", "i8")),  # bytes of the picture
         ("features", "u1", (len(FEATURES), FEATURE_ROWS, 2 * FEATURE_ROWS)),  # FEATURE_RANGE in 255 steps
-        *(("sun_azimuth", "f8"), ("sunlit", "?"), ("snow", "?"), ("cost", "f4")),
+        *(("sun_azimuth", "f8"), ("sunlit", "?"), ("kind", "U10")),
     ]
 )
 
@@ -68,8 +85,6 @@ _GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, a
 _SKY_LUMINANCE = 0.3
 _VIEW_STEP, _VIEW_FOV = 30, 60.0  # deg between the views in which classes are looked for; deg, vertical
 _VIEW_SIZE = 384, 288  # of them, pixels
-_MOST_USED = 0.05  # share of photos for which a panorama is chosen
-_COST_STEP, _BALANCE_STEPS = 0.002, 5000
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
 
 
@@ -90,18 +105,9 @@ def _make_detail_library(data: Path) -> tuple[NDArray[np.void], bytes]:
     table["features"] = np.round((np.clip(features, low, high) - low) * (255 / (high - low)))
     table["sun_azimuth"] = [np.nan if p.sun_azimuth is None else p.sun_azimuth for p in chosen]
     table["sunlit"] = [p.direct in ("yes", "partly") and p.sun_azimuth is not None for p in chosen]
-    table["snow"] = [p.name in _SNOW for p in chosen]
+    kinds = {name: kind for kind, names in _KIND_OF.items() for name in names}
+    table["kind"] = [kinds.get(p.name, "city") for p in chosen]
     return table, b"".join(pictures)
-
-
-def read_detail_library(file: Path) -> tuple[NDArray[np.void], bytes]:
-    """The table of a library, and its pictures, one after the other.
-
-    Args:
-        file: the library's.
-    """
-    with file.open("rb") as stream:
-        return np.load(stream), stream.read()
 
 
 def write_detail_library(file: Path, table: NDArray[np.void], pictures: bytes) -> None:
@@ -125,27 +131,6 @@ def _may_ship(panorama: Panorama) -> bool:
     """
     licence = panorama.licence.lower()
     return _LICENCE in licence and "cc0" in licence
-
-
-def balance_library(costs: NDArray[np.floating], least: NDArray[np.floating] | None = None) -> NDArray[np.float32]:
-    """What each panorama of the library must cost, so that none is chosen for more than a share of photos.
-
-    Without it some, whose features are mean ones, suit too many photos (hubness [1]), and maps look alike.
-
-    Args:
-        costs: (V, N) of each panorama for each of V photos.
-        least: (N,) that each costs anyway; None: nothing.
-
-    References: [1] Radovanovic et al., Hubs in Space, JMLR 2010.
-    """
-    extra = np.zeros(costs.shape[1]) if least is None else np.array(least, dtype=np.float64)
-    for _ in range(_BALANCE_STEPS):
-        used = np.bincount((costs + extra).argmin(axis=1), minlength=len(extra))
-        often = used > max(1, _MOST_USED * len(costs))
-        if not often.any():
-            break
-        extra[often] += _COST_STEP
-    return extra.astype(np.float32)
 
 
 def _prepare(panorama: Panorama) -> NDArray[np.float32]:

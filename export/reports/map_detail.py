@@ -24,22 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.data.detail_library import balance_library, read_detail_library, write_detail_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from export.evaluation.relighting import rgb_angle
 from lighting.color import luminance, srgb_encode, tone_map
-from lighting.envmap.detail_library import (
-    LIBRARY_PATH,
-    DetailSource,
-    PhotoFeatures,
-    cheapest_choice,
-    choice_costs,
-)
 from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import rotate_envmap
-from lighting.envmap.surroundings import PhotoContext, describe_place, render_with_surroundings
+from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.estimator import Estimator
 from lighting.files.exr import write_exr
 from lighting.fusion.user_input import UserInput
@@ -206,7 +198,7 @@ def _band_power(image: Images) -> tuple[float, ...]:
     return tuple(levels)
 
 
-def _looked_at(image: Images) -> list[Images]:
+def looked_at(image: Images) -> list[Images]:
     """What is looked at of a map: a mirror ball and views at VIEW_AZIMUTHS, sRGB 0 to 1, VIEW_PIXELS square.
 
     Args:
@@ -235,39 +227,27 @@ def _kernel_distance(features: Floats, true: Floats) -> float:
     return float(1000 * (within - 2 * _kernel(features, true).mean()))
 
 
-def _tell_apart(features: Floats, maps: Floats, true: Floats) -> Floats:
-    """How much more like maps than like panoramas each picture (P,) is: the witness function of KID [3] x 1000.
-
-    Args:
-        features: (P, F) of pictures.
-        maps: (N, F) of maps.
-        true: (M, F) of panoramas.
-
-    References: [3] Gretton et al., A Kernel Two-Sample Test, JMLR 2012.
-    """
-    return np.asarray(1000 * (_kernel(features, maps).mean(axis=1) - _kernel(features, true).mean(axis=1)))
-
-
 def _kernel(a: Floats, b: Floats) -> Floats:
     """The kernel (N, M) of features (N, F) and (M, F)."""
     return np.asarray((a @ b.T / a.shape[1] + 1) ** 3)
 
 
-def _distance_by_places(features: Floats, true: Floats, places: NDArray[np.str_]) -> tuple[float, float]:
-    """KID x 1000 between maps of half of the places and panoramas of the other half: mean and standard deviation.
+def distances_by_places(features: Floats, true: Floats, places: NDArray[np.str_], draws: int = _SPLITS) -> Floats:
+    """KID x 1000 (draws,) between maps of half of the places and panoramas of the other half.
 
     Args:
         features: (N, V, F) of V views of each map.
         true: as `features`, of the panoramas.
         places: (N,) names.
+        draws: of halves.
     """
     rng, names = np.random.default_rng(0), np.unique(places)
     distances = []
-    for _ in range(_SPLITS):
+    for _ in range(draws):
         half = np.isin(places, rng.permutation(names)[: len(names) // 2])
         flat = [chosen.reshape(-1, features.shape[-1]) for chosen in (features[half], true[~half])]
         distances.append(_kernel_distance(*flat))
-    return float(np.mean(distances)), float(np.std(distances))
+    return np.array(distances)
 
 
 def _mirror_error(shown: Images, true: Images) -> tuple[float, float]:
@@ -373,11 +353,6 @@ def _take(image: Images, sampler: Sampler) -> Images:
 MAP_ROWS = 512
 CROP_WIDTH, CROP_HEIGHT, CROP_FOV = 800, 600, 60.0  # pixels; deg, vertical
 
-_TRIED = 7  # panoramas of the library for each crop, the cheapest
-_SEEN_CROPS = 100  # of those by which panoramas are chosen, whose maps are looked at
-_UNLIKE_COST = 0.045  # of a thousandth by which a map's views are unlike true ones
-_FEW = 5  # maps with a panorama, beside which those of its own count half
-
 DETAIL_NOTE = (
     "`KID`: kernel inception distance x 1000 of mirror balls, and of views at 90, 180 and -90 deg, to those of true "
     "panoramas of other places. `mirror`, `roughness`: relative RMSE of balls, clipped to what a screen shows; "
@@ -423,76 +398,25 @@ def report_map_detail(data: Path, model: Model, count: int, split: str, cache: P
         split: "val", or "train" to develop on.
         cache: folder for estimates and truths.
     """
-    panoramas, files = _prepare_views(data, model, count, split, cache)
+    panoramas, files = prepare_views(data, model, count, split, cache)
     features = _imagenet_features()
     looks = {"true panorama": _measure_truth(files, panoramas, features)}
     for name, render in METHODS.items():
-        looks[name] = _measure_maps(_read_views(files, panoramas), render, features)
+        looks[name] = _measure_maps(read_views(files, panoramas), render, features)
     places = np.array([panorama.place for panorama in panoramas])
     return _format_looks(looks, places)
 
 
-def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
-    """Write into the library of detail what its panoramas cost, by crops of `train`; what it then is, in a sentence.
-
-    A panorama costs the more the less real maps with it look, and what keeps it from being chosen too often.
+def prepare_views(data: Path, model: Model, count: int, split: str, cache: Path) -> tuple[list[Panorama], list[Path]]:
+    """Panoramas, and a file in the cache with a crop of each.
 
     Args:
         data: folder of panoramas.
         model: the network to ask.
         count: crops, each of another panorama.
+        split: "val" or "train".
         cache: folder for estimates and truths.
     """
-    panoramas, files = _prepare_views(data, model, count, "train", cache)
-    cheapest = np.stack([_place_costs(view)[1].min(axis=(0, 2)) for view in _read_views(files, panoramas)])
-    features, seen, seen_files = _imagenet_features(), panoramas[:_SEEN_CROPS], files[:_SEEN_CROPS]
-    true = _measure_truth(seen_files, seen, features).features[:, 1:]
-    order = np.argsort(cheapest + balance_library(cheapest[:_SEEN_CROPS]), axis=1, kind="stable")[:_SEEN_CROPS, :_TRIED]
-    views = zip(_read_views(seen_files, seen), order, strict=True)
-    looks = np.stack([_look_with(view, indices, features) for view, indices in views])
-    extra = balance_library(cheapest, _cost_of_unlike(order, looks, true, cheapest.shape[1]))
-    table, pictures = read_detail_library(LIBRARY_PATH)
-    table["cost"] = extra
-    write_detail_library(LIBRARY_PATH, table, pictures)
-    used = np.bincount((cheapest + extra).argmin(axis=1))
-    return f"{LIBRARY_PATH}: {np.count_nonzero(used)} of {len(extra)} panoramas suit {len(files)} crops."
-
-
-def _place_costs(view: _TrueView) -> tuple[PhotoFeatures, Floats]:
-    """By what the detail for a view is chosen, and what each choice costs (2, N, turns)."""
-    found = describe_place(view.lighting, view.context)
-    return found, choice_costs(found.target, found.weight, found.sun_azimuth, found.snow)
-
-
-def _look_with(view: _TrueView, indices: NDArray[np.intp], features: Features) -> Floats:
-    """Features (T, V, F) of a map's views with each of T panoramas of the library."""
-    found, cost = _place_costs(view)
-    looks = []
-    for index in indices:
-        others = np.arange(cost.shape[1])[:, None] != index
-        source = DetailSource(cheapest_choice(np.where(others, np.inf, cost)), found.saturation)
-        image = render_with_surroundings(view.lighting, replace(view.context, detail=True, source=source), MAP_ROWS)
-        looks.append(features(_looked_at(image)[1:]))
-    return np.stack(looks)
-
-
-def _cost_of_unlike(order: NDArray[np.intp], looks: Floats, true: Floats, count: int) -> Floats:
-    """What each of `count` panoramas costs by how unlike true views those of maps with it are.
-
-    Args:
-        order: (N, T) the panoramas that were tried for each crop, the cheapest first.
-        looks: (N, T, V, F) features of the views of maps with them.
-        true: (N, V, F) features of the true views.
-        count: of panoramas.
-    """
-    size = looks.shape[-1]
-    unlike = _tell_apart(looks.reshape(-1, size), looks[:, 0].reshape(-1, size), true.reshape(-1, size))
-    total = np.bincount(order.reshape(-1), unlike.reshape(*looks.shape[:3]).mean(axis=2).reshape(-1), count)
-    return _UNLIKE_COST * np.maximum(total / (np.bincount(order.reshape(-1), minlength=count) + _FEW), 0)
-
-
-def _prepare_views(data: Path, model: Model, count: int, split: str, cache: Path) -> tuple[list[Panorama], list[Path]]:
-    """Panoramas, and a file in the cache with a crop of each."""
     panoramas = _choose_views([p for p in read_index(data, split) if split == "val" or not _in_library(p)], count)
     files = [cache / f"{model.spec.name}-{model.spec.version}-{p.name}.npz" for p in panoramas]
     estimator = Estimator(model)
@@ -524,11 +448,17 @@ def _render_plain(lighting: Lighting, context: PhotoContext) -> NDArray[np.float
     return render_with_surroundings(lighting, replace(context, detail=False), MAP_ROWS)
 
 
-def _render_detail(lighting: Lighting, context: PhotoContext) -> NDArray[np.float32]:
+def render_detail(lighting: Lighting, context: PhotoContext) -> NDArray[np.float32]:
+    """The map of a crop with detail.
+
+    Args:
+        lighting: of the crop.
+        context: its photo.
+    """
     return render_with_surroundings(lighting, replace(context, detail=True), MAP_ROWS)
 
 
-METHODS: dict[str, Render] = {"without detail": _render_plain, "with detail": _render_detail}
+METHODS: dict[str, Render] = {"without detail": _render_plain, "with detail": render_detail}
 
 
 def _in_library(panorama: Panorama) -> bool:
@@ -547,13 +477,22 @@ def _choose_views(panoramas: Sequence[Panorama], count: int) -> list[Panorama]:
     return sorted(shuffled, key=lambda panorama: rank[panorama.name])[:count]
 
 
-def _write_view(panorama: Panorama, estimator: Estimator, file: Path) -> None:
-    """Crop a panorama and estimate its light; the camera is decided by the panorama's name alone."""
+def draw_camera(panorama: Panorama) -> tuple[float, float]:
+    """The azimuth and the elevation [deg] of a panorama's crop, which its name alone decides.
+
+    Args:
+        panorama: a row of the index.
+    """
     rng = random.Random(panorama.name)
-    yaw, pitch = rng.uniform(-180, 180), rng.uniform(-5, 12)
+    return rng.uniform(-180, 180), rng.uniform(-5, 12)
+
+
+def _write_view(panorama: Panorama, estimator: Estimator, file: Path) -> None:
+    """Crop a panorama and estimate its light."""
+    yaw, pitch = draw_camera(panorama)
     linear = linearize(panorama, read_picture(panorama))
-    crop = _crop(linear, yaw, pitch)
-    gain = _exposure_gain(crop) if panorama.kind == "hdr" else 1.0
+    crop = crop_view(linear, yaw, pitch)
+    gain = exposure_gain(crop) if panorama.kind == "hdr" else 1.0
     photo = photo_from_array(tone_map(crop * gain))
     estimate = estimator(photo, UserInput(vertical_fov=CROP_FOV))
     truth = np.clip(shrink_envmap(rotate_envmap(linear, -yaw) * np.float32(gain), MAP_ROWS), 0, 1)
@@ -572,20 +511,36 @@ def _write_view(panorama: Panorama, estimator: Estimator, file: Path) -> None:
     )
 
 
-def _crop(linear: NDArray[np.float32], yaw: float, pitch: float) -> NDArray[np.float32]:
-    """A view (CROP_HEIGHT, CROP_WIDTH, 3), the mean of four samples a pixel."""
+def crop_view(linear: NDArray[np.float32], yaw: float, pitch: float) -> NDArray[np.float32]:
+    """A view (CROP_HEIGHT, CROP_WIDTH, 3) of a panorama, the mean of four samples a pixel.
+
+    Args:
+        linear: (H, 2H, 3), the panorama.
+        yaw: deg, the azimuth to which the camera looks.
+        pitch: deg, its elevation.
+    """
     camera = Pinhole(2 * CROP_WIDTH, 2 * CROP_HEIGHT, CROP_FOV, azimuth=yaw, elevation=pitch)
     fine = sample_latlong(linear, camera_directions(camera))
     return np.asarray(fine.reshape(CROP_HEIGHT, 2, CROP_WIDTH, 2, 3).mean(axis=(1, 3)), dtype=np.float32)
 
 
-def _exposure_gain(crop: NDArray[np.float32]) -> float:
-    """The factor that exposes a view for its bright parts, but no brighter than a mean of a quarter."""
+def exposure_gain(crop: NDArray[np.float32]) -> float:
+    """The factor that exposes a view for its bright parts, but no brighter than a mean of a quarter.
+
+    Args:
+        crop: (..., 3) linear.
+    """
     bright = luminance(crop)
     return min(0.9 / max(float(np.quantile(bright, 0.95)), 1e-6), 0.25 / max(float(bright.mean()), 1e-6))
 
 
-def _read_views(files: Sequence[Path], panoramas: Sequence[Panorama]) -> Iterator[_TrueView]:
+def read_views(files: Sequence[Path], panoramas: Sequence[Panorama]) -> Iterator[_TrueView]:
+    """The crops that `prepare_views` wrote.
+
+    Args:
+        files: of them.
+        panoramas: of them.
+    """
     for file, panorama in zip(files, panoramas, strict=True):
         with np.load(file) as stored:
             lighting = Lighting.from_dict(json.loads(str(stored["lighting"])))
@@ -599,10 +554,10 @@ def _read_views(files: Sequence[Path], panoramas: Sequence[Panorama]) -> Iterato
 def _measure_truth(files: Sequence[Path], panoramas: Sequence[Panorama], features: Features) -> _Looks:
     """The panoramas themselves; their features are kept beside them."""
     looks, errors = [], []
-    for file, view in zip(files, _read_views(files, panoramas), strict=True):
+    for file, view in zip(files, read_views(files, panoramas), strict=True):
         kept = file.with_suffix(".features.npy")
         if not kept.exists():
-            np.save(kept, features(_looked_at(view.truth)))
+            np.save(kept, features(looked_at(view.truth)))
         looks.append(np.load(kept))
         errors.append(_map_errors(view.truth, view.truth))
     zeros = [0.0] * len(files)
@@ -624,7 +579,7 @@ def _measure_maps(views: Iterator[_TrueView], render: Render, features: Features
         looks.suns.append(_second_sun(image, plain, sun, hidden))
         looks.changes.append(_diffuse_change(image, plain))
         looks.errors.append(_map_errors(image, view.truth))
-        found.append(features(_looked_at(image)))
+        found.append(features(looked_at(image)))
         write_exr(stream := io.BytesIO(), image, view.lighting)
         looks.bytes.append(len(stream.getvalue()))
     return _Looks(np.stack(found), looks.errors, looks.changes, looks.suns, looks.seconds, looks.bytes)
@@ -645,8 +600,10 @@ def _format_looks(looks: dict[str, _Looks], places: NDArray[np.str_]) -> str:
 
 
 def _figures(looks: _Looks, true: _Looks, places: NDArray[np.str_]) -> dict[str, float]:
-    ball, ball_std = _distance_by_places(looks.features[:, :1], true.features[:, :1], places)
-    view, view_std = _distance_by_places(looks.features[:, 1:], true.features[:, 1:], places)
+    ball, view = (
+        distances_by_places(looks.features[:, part], true.features[:, part], places)
+        for part in (slice(1), slice(1, None))
+    )
     errors = {
         "mirror": "mirror",
         "angle": "mirror_angle",
@@ -657,10 +614,10 @@ def _figures(looks: _Looks, true: _Looks, places: NDArray[np.str_]) -> dict[str,
     }
     changes = np.array(looks.changes)
     return {
-        "KID ball": ball,
-        "+-": ball_std,
-        "KID views": view,
-        "+- ": view_std,
+        "KID ball": float(ball.mean()),
+        "+-": float(ball.std()),
+        "KID views": float(view.mean()),
+        "+- ": float(view.std()),
         **{column: float(np.mean([getattr(e, name) for e in looks.errors])) for column, name in errors.items()},
         "ball changed": 100 * float(changes.mean()),
         "under 1 %": 100 * float(np.mean(changes < 0.01)),

@@ -4,10 +4,11 @@ import json
 import os
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lighting.batch.photo_table import PhotoTable
 from lighting.batch.results import SETTINGS, format_counts
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
 from lighting.files import DEFAULT_FILE, FileOptions
@@ -59,6 +60,24 @@ class BatchJob:
     """Engine, or "ray"."""
     user_input: UserInput = NO_USER_INPUT
     """Of all photos."""
+    table: PhotoTable | None = None
+    """Of single photos. None: nothing is known of them."""
+    pick: int | None = None
+    """Number of the sun that shines, of `Lighting.sun_candidates`. None: the answer's."""
+
+    def for_photo(self, name: str) -> "BatchJob":
+        """Return the same with what is known of one photo.
+
+        Args:
+            name: of the photo, relative to the folder.
+
+        Raises:
+            ParameterError: that contradicts what is stated of all.
+        """
+        row = None if self.table is None else self.table.rows.get(name)
+        if row is None:
+            return self
+        return replace(self, user_input=row.over(self.user_input), pick=row.pick)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +147,7 @@ def job_settings(job: BatchJob) -> dict[str, object]:
         "sha256": network_sha256(network),
         "maps": json.loads(json.dumps(asdict(job.maps))) if job.maps else None,
         "metadata": job.user_input.explicit_fields() or None,
+        "table": job.table and job.table.sha256,
     }
 
 
@@ -168,7 +188,11 @@ def load_worker_estimator(job: BatchJob) -> "Estimator":
 
 
 def estimate_or_error(
-    estimator: "Estimator", source: Path | bytes, job: BatchJob, sidecar: Mapping[str, str] | None = None
+    estimator: "Estimator",
+    source: Path | bytes,
+    job: BatchJob,
+    sidecar: Mapping[str, str] | None = None,
+    name: str = "",
 ) -> PhotoLight | str:
     """Estimate the light of a photo, or return one sentence that says why it has none; other errors are raised.
 
@@ -179,13 +203,16 @@ def estimate_or_error(
         source: the photo's file, or its bytes.
         job: the batch.
         sidecar: what `read_sidecar` returned; None: look beside a file.
+        name: of the photo, relative to the batch's folder, for the job's table.
     """
     from lighting.photo.sandbox import read_photo_isolated
 
     try:
         photo = read_photo_isolated(source, seconds=DECODE_SECONDS, sidecar=sidecar)
+        own = job.for_photo(name)
         with trace_step("network"), ONE_BLAS_THREAD:
-            estimate: Estimate = estimator(photo, job.user_input)
+            estimate: Estimate = estimator(photo, own.user_input)
+        estimate = estimate if own.pick is None else estimate.replace(pick=own.pick)
         rendered = estimate.render(job.maps.view) if job.maps else None
         crop = asdict(photo.crop) if photo.crop else None
         return PhotoLight(estimate.lighting, estimate.probe(), rendered, crop)

@@ -129,7 +129,8 @@ def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool, list[Step]]
     estimator = jobs.load_worker_estimator(job)
 
     def work(name: str) -> tuple[str, bool]:
-        answer, written = jobs.estimate_or_error(estimator, Path(job.source, name), job), escape_undecodable(name)
+        answer = jobs.estimate_or_error(estimator, Path(job.source, name), job, name=name)
+        written = escape_undecodable(name)
         if isinstance(answer, str):
             return json_line(written, escape_undecodable(answer)), True
         if job.maps and (sentence := _write_map(Path(job.out, job.maps.file_name(name)), answer, job.maps)):

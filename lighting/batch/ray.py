@@ -109,7 +109,7 @@ class _PhotoActor:
     def __call__(self, photo: Json) -> Json:
         name = posixpath.relpath(photo["path"], self.base)
         sidecar = read_sidecar(photo["path"], self._read_beside)
-        answer = jobs.estimate_or_error(self.estimator, photo["bytes"], self.job, sidecar)
+        answer = jobs.estimate_or_error(self.estimator, photo["bytes"], self.job, sidecar, name)
         if isinstance(answer, str):
             return table_row(name, answer)
         if self.job.maps and (sentence := _write_map(self.job, name, answer)):

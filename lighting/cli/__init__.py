@@ -58,7 +58,7 @@ _SECTIONS = {  # of a long help, in this order, as are the options in each; othe
         *("--shadow", "--horizon", "--vertical", "--camera", "--vertical-fov"),
         *("--reference", "--camera-height", "--no-metadata", "--model"),
     ),
-    "Map": ("--around", "--sky", "--yaw", "--disc", "--compression", "--colors"),
+    "Map": ("--around", "--backdrop", "--sky", "--yaw", "--disc", "--compression", "--colors"),
 }
 _LONG = 24  # options, from which on a help has sections
 

@@ -4,7 +4,7 @@ import json
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
@@ -41,6 +41,7 @@ class _Options:
     engine: str
     address: str | None
     user_input: "UserInput"
+    table: str | None
     model: str | None
     strict: bool
     require: str | None
@@ -50,9 +51,11 @@ class _Options:
     @property
     def job(self) -> "BatchJob":
         from lighting.batch.job import BatchJob, MapOutput
+        from lighting.batch.photo_table import read_photo_table
 
+        table = None if self.table is None else read_photo_table(self.table)
         maps = MapOutput(self.view, self.file) if self.envmap else None
-        return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input)
+        return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input, table)
 
     @property
     def progress(self) -> bool:
@@ -81,6 +84,12 @@ class _Options:
 )
 @click.option("--address", metavar="ADDRESS", help="Address of a Ray cluster; a local one is started by default.")
 @common.batch_input_options
+@click.option(
+    "--table",
+    metavar="FILE.csv",
+    callback=common.check_file_name,
+    help="What you know of single photos: a row each, with columns file, shadow, pick, time, latitude and so on.",
+)
 @common.model_option
 @common.strict_option
 @common.require_option
@@ -168,6 +177,7 @@ def _run_pool(options: _Options) -> "Summary":
         require_parquet(Path(options.out))
     source, names = find_photos(options.input)
     job = replace(options.job, source=source)
+    _check_table(job, names)
     with open_batch(job, overwrite=options.overwrite) as journal:
         earlier, initial = len(journal.names), len(journal.names.intersection(names))
         finished = run_pool(job, names, journal, options.workers or available_cpus())
@@ -185,8 +195,10 @@ def _run_ray(options: _Options) -> "Summary":
     from lighting.batch.results import count_skipped
 
     source, names = find_photos_at(options.input)
+    job = replace(options.job, source=source)
+    _check_table(job, names)
     summary = run_ray(
-        replace(options.job, source=source),
+        job,
         names,
         address=options.address,
         workers=options.workers,
@@ -194,6 +206,14 @@ def _run_ray(options: _Options) -> "Summary":
         progress=options.progress,
     )
     return replace(summary, skipped=count_skipped(options.input))
+
+
+def _check_table(job: "BatchJob", names: Sequence[str]) -> None:
+    """Raise BatchError for a table about photos that the batch does not have."""
+    from lighting.batch.photo_table import check_photo_names
+
+    if job.table is not None:
+        check_photo_names(job.table, names)
 
 
 def _progress(finished: Iterator[str], initial: int, total: int, visible: bool) -> Any:

@@ -76,7 +76,7 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str) -> 
 )
 @common.file_output(console.PREVIEWS, several=True)
 @click.option("--candidates", is_flag=True, help="Draw the suns that --pick chooses from, side by side.")
-@common.photo_options("sun", "sky", "around", "adjustments")
+@common.photo_options("sun", "sky", "around", "backdrop", "adjustments")
 @click.pass_context
 def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> None:
     """Draw each PHOTO, its light and three spheres lit by it."""
@@ -153,7 +153,7 @@ def _render(
 
     lighting = stored or console.read_lighting(record)
     estimate = None if photo is None else estimate_file(photo, user_input, model).replace(lighting=lighting)
-    context = None if estimate is None else estimate.context(view.around)
+    context = None if estimate is None else estimate.context(view)
     _write_map(name, render_map(lighting, view) if estimate is None else estimate.render(view), file)
     light, probe = adjust_lighting(lighting, view.adjustments), None
     if as_json:
@@ -170,8 +170,10 @@ def _refuse_place(view: MapOptions, user_input: "UserInput", model: str | None) 
     """Raise UsageError for an option that would do nothing without a photo."""
     from lighting.fusion.user_input import NO_USER_INPUT
 
-    if view.around in (Around.PLACE, Around.PHOTO) or model is not None or user_input != NO_USER_INPUT:
-        raise click.UsageError("--around place and photo, --model and what is known of the photo need --photo.")
+    place = view.around in (Around.PLACE, Around.PHOTO) or view.backdrop is not None
+    if place or model is not None or user_input != NO_USER_INPUT:
+        sentence = "--around place and photo, --backdrop, --model and what is known of the photo need --photo."
+        raise click.UsageError(sentence)
 
 
 def _formats() -> list[str]:

@@ -289,7 +289,7 @@ _SUN = click.option(
     "sun",
     flag_value=False,
     default=None,
-    help="Leave direct sunlight out.  [default: painted if its power is known or it likely shines]",
+    help="Leave direct sunlight out.  [default: painted if it likely shines]",
 )
 _LATER_TEXTS = {name: text for name, text in option_texts(Adjustments).items() if name != "exposure"}
 _ADJUSTMENTS: dict[str, Decorator] = {  # by the parameters of a command

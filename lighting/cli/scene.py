@@ -69,7 +69,7 @@ def _tool_options() -> list[click.Option]:
     callback=common.check_file_name,
     help="Take the light from this record. PHOTO gives the background and the ground.",
 )
-@common.photo_options("height", "sun", "sky", "around", "adjustments")
+@common.photo_options("height", "sun", "sky", "around", "backdrop", "adjustments")
 @click.pass_context
 def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str | None, **of_tool: Any) -> None:
     """Write a photo and its light as a scene for another tool.

@@ -1,9 +1,9 @@
-"""Detail all around a map: what is coarse stays as it is, what is finer comes from the photo and from real places.
+"""Detail all around a map: what is coarse stays as it is, what is finer comes from a real place.
 
-Beside its edges the photo goes on by its own mirror image for some degrees; beyond them lies a panorama of the library
-that looks like the photo. Both are divided by what is coarse in them, so that they add no light. Then each cell, and
-the light on matte objects in each half of the map exactly, is brought back to what it was. Around the sun the sky stays
-smooth, and no part of the sky becomes much brighter than its brightest was: there is one sun.
+Around the photo lies a panorama of the library that looks like it, divided by what is coarse in it, so that it adds no
+light. Beside its edges the map takes the photo's own light over some degrees. Then the light on matte objects in each
+half of the map is brought back exactly to what it was. Around the sun the sky stays smooth, and no part of the sky
+becomes much brighter than its brightest was: there is one sun.
 """
 
 import math
@@ -24,48 +24,43 @@ from lighting.envmap.latlong import (
     shrink_axis,
     shrink_envmap,
 )
-from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, project_photo, sample_cells
+from lighting.envmap.projection import CLIPPED, PhotoProjection, sample_cells
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
 from lighting.records import Lighting
-from lighting.segmentation import Segments
+from lighting.segmentation import Segments, SurfaceClass, pixel_share
 
 MIN_ROWS = 48  # of maps that have room for detail
 
-_MATCHED_DEG = 7.0  # standard deviation: what is coarser in the photo's continuation is as in the library's detail
 _HORIZON_DEG = 10.0  # standard deviation by which the map is smoothed, so that its horizon vanishes
-_LIGHT_DEG = 9.0  # standard deviation over which light stays as bright as it was
+_LIGHT_DEG = 20.0  # standard deviation over which light stays as bright as it was
 _COLOR_DEG = 40.0  # and over which its color stays
 _DETAIL_RANGE = (0.1, 2.5)  # of a pixel over what is coarse
 _TINT_RANGE = (0.4, 2.5)  # of the color of what is dark before the sky
+_LOW_SKY_DEG = 30.0  # up to which the sky's mean brightness counts for what is dark before a brighter part of it
+_MIN_SHADED = 0.15  # share of such a part's brightness that counts at least
 _HAND_OVER_DEG = (14.0, 7.0, 3.5)  # standard deviations over which the photo's own brightness reaches beyond its edges
 _RIM_WEIGHT = 0.85  # of the photo in a cell, up to which the cell lies at the photo's edge
 _MIN_GAIN = 1e-6  # of a photo, in a logarithm
 _CLIPPED_LOG = math.log(CLIPPED)
-_HAND_OVER = 0.7  # largest logarithm of its gain
+_HAND_OVER = 1.2  # largest logarithm of its gain
+_LEAST_OPEN = 0.05  # weight in that of what the photo shows of plants, walls and things: they end where they end
+_OPEN_ABOVE = (SurfaceClass.SKY,)  # classes that go on beyond the edge, above the horizon and below it
+_OPEN_BELOW = (SurfaceClass.GROUND, SurfaceClass.UNEVEN, SurfaceClass.WATER, SurfaceClass.FAR_TERRAIN)
 _GAIN_RANGE = (0.25, 4.0)
 _SUN_DEG = (4.0, 14.0)  # around the sun: no detail within the first, all of it beyond the second
+_GLOW_DEG = (8.0, 30.0)  # the same of what the map's horizon is smoothed with, so that the glow stays
 _GLARE_DEG = 20.0  # around the sun, where the sky may be bright
 _BRIGHTEST = 1.15  # times the brightest cell of the sky, which no other part exceeds
-_SEAM = 0.35  # how far the darker of two neighbors is preferred between photo and library
-_SEAM_WIDTH = 0.15  # of the continuation's reach
 _THREADS = 2  # that make the detail of a small map
 
 
 class _MapDetail:
-    """The library's detail with the photo's own, calm around the sun; threads make it in blocks of columns."""
+    """The library's detail, calm around the sun; threads make it in blocks of columns."""
 
-    def __init__(
-        self,
-        library: LibraryDetail,
-        photo: PhotoProjection,
-        coarse: Image,
-        sun_angle: Floats | None,
-        tint: Image,
-        pool: ThreadPoolExecutor,
-    ) -> None:
-        self._library, self._photo, self._coarse, self._pool = library, photo, coarse, pool
+    def __init__(self, library: LibraryDetail, sun_angle: Floats | None, tint: Image, pool: ThreadPoolExecutor) -> None:
+        self._library, self._pool = library, pool
         self._tint = np.concatenate([tint, np.ones_like(tint)]) - 1
-        self._calm = None if sun_angle is None else _share_off_sun(sun_angle)
+        self._calm = None if sun_angle is None else _share_off_sun(sun_angle, _SUN_DEG)
         self._calmed = slice(0)  # rows of the map around the sun
         if self._calm is not None:
             rows = np.flatnonzero((self._calm < 1).any(axis=(1, 2)))
@@ -74,7 +69,7 @@ class _MapDetail:
         self._limited = slice(0)  # rows of the map where the ceiling is low
         self._blocks = column_blocks(library.height, _THREADS)
         self._whole: Image | None = None
-        if len(photo.blocks) == 1:  # a small map's is kept
+        if len(column_blocks(library.height)) == 1:  # a small map's is kept
             self._whole = np.empty((library.height, 2 * library.height, 3), np.float32)
             list(pool.map(lambda columns: self._fill(self._block(columns), columns), self._blocks))
 
@@ -113,14 +108,11 @@ class _MapDetail:
 
     def _fill(self, detail: Image, columns: slice) -> None:
         """Make some columns (H, C, 3)."""
-        photo, height = self._photo.block(columns), self._library.height
+        height = self._library.height
         self._library.fill(detail, columns)
         tint = interpolate_cells(self._tint, height, slice(0, height // 2), columns)
         calm = None if self._calm is None else interpolate_cells(self._calm, height, self._calmed, columns)
-        coarse = None if photo is None else interpolate_cells(self._coarse, height, photo.rows, photo.columns)
         _color_dark(detail, tint)
-        if photo is not None and coarse is not None:
-            _blend_continuation(detail, columns, photo, coarse)
         if calm is not None:
             part = detail[self._calmed]
             part -= 1
@@ -142,7 +134,8 @@ def add_detail(
     library: Future[LibraryDetail],
     lighting: Lighting,
     photo: NDArray[np.uint8],
-    continued: PhotoProjection,
+    segments: Segments | None,
+    projection: PhotoProjection,
     gain: float,
     pool: ThreadPoolExecutor,
 ) -> None:
@@ -153,25 +146,24 @@ def add_detail(
         library: the detail of a panorama, of as many rows, which may be read meanwhile.
         lighting: of the map; its camera and its sun count.
         photo: (h, w, 3) sRGB, upright.
-        continued: the photo in the map with its continuation.
+        segments: what the photo shows; None: unknown.
+        projection: the photo in the map.
         gain: over 0, by which the photo's linear values are multiplied.
         pool: of threads that make the detail.
     """
-    edge, shown, clipped = _photo_cells(photo, lighting)
-    own = _continuation_cells(lighting, photo, continued.segments)
-    covered = continued.covered_share(DETAIL_ROWS)
+    edge, shown, clipped = _photo_cells(photo, lighting, segments)
+    covered = projection.covered_share(DETAIL_ROWS)
     before = shrink_envmap(image, DETAIL_ROWS)
+    has_sun = lighting.sun_painted and lighting.sun_elevation > 0
+    sun_angle = angle_between(_cell_directions(), lighting.sun_direction) if has_sun else None
     log = np.log(np.maximum(before, np.float32(1e-9)))
-    blurred = np.exp(blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
+    smoothing = blur_cells(log, _HORIZON_DEG) - log  # the horizon is where the detail has it
+    blurred = np.exp(smoothing if sun_angle is None else smoothing * _share_off_sun(sun_angle, _GLOW_DEG))
     rim = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (edge.max(axis=2, keepdims=True) < _CLIPPED_LOG)
     edge += np.float32(math.log(max(gain, _MIN_GAIN)))
     level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
     open_share = (1 - covered * (1 - clipped)) * level
-    has_sun = lighting.sun_painted and lighting.sun_elevation > 0
-    sun_angle = angle_between(_cell_directions(), lighting.sun_direction) if has_sun else None
-
-    coarse, tint = _match_continuation(own, library.result().cells), _own_tint(before, library.result().color)
-    detail = _MapDetail(library.result(), continued, coarse, sun_angle, tint, pool)
+    detail = _MapDetail(library.result(), sun_angle, _own_tint(before, library.result().color), pool)
     cells = before * detail.means()
     lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
@@ -194,10 +186,16 @@ def _cell_directions() -> Floats:
 
 
 def _own_tint(cells: Image, color: Image) -> Image:
-    """Factors (R / 2, 2R, 3) that take the color of the sky from its cells (R, 2R, 3) and give that of the library."""
+    """Factors (R / 2, 2R, 3) that take the sky's color from its cells (R, 2R, 3) and give that of the library.
+
+    They also take what is brighter than the low sky: what stands before a glow is dark.
+    """
     sky = np.log(np.maximum(cells[: len(cells) // 2], np.float32(1e-9)))
-    tint = color[: len(sky)] * np.exp(sky.mean(axis=2, keepdims=True) - sky)
-    return np.asarray(np.clip(tint, *_TINT_RANGE), dtype=np.float32)
+    level = sky.mean(axis=2, keepdims=True)
+    tint = color[: len(sky)] * np.exp(level - sky)
+    low = float(level[latlong_angles(DETAIL_ROWS)[1][: len(sky)] < _LOW_SKY_DEG].mean())
+    tint = np.clip(tint, *_TINT_RANGE) * np.clip(np.exp(low - level), _MIN_SHADED, 1)
+    return np.asarray(tint, dtype=np.float32)
 
 
 def _color_dark(detail: Image, tint: Image) -> None:
@@ -213,63 +211,29 @@ def _color_dark(detail: Image, tint: Image) -> None:
     sky *= tint
 
 
-def _blend_continuation(detail: Image, columns: slice, continued: ProjectedPhoto, coarse: Image) -> None:
-    """Lay the photo's own detail over the library's, along a seam that prefers the darker of both.
+def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting, segments: Segments | None) -> tuple[Image, Image, Image]:
+    """The photo in each cell: mean logarithm (R, 2R, 3), how far it counts beyond its edge, and its clipped share.
 
-    Args:
-        detail: (H, C, 3) of the library, changed in place.
-        columns: of the map, that it has.
-        continued: the photo in them.
-        coarse: (r, c, 3) factors that take what is coarse from the library, where the photo lies.
-    """
-    left, right = continued.columns.start - columns.start, continued.columns.stop - columns.start
-    window = detail[continued.rows, left:right]
-    own = continued.linear + LOG_OFFSET
-    own *= coarse
-    green, own_green = window[..., 1], own[..., 1]
-    contrast = (green - own_green) / (green + own_green)
-    place = 2 * continued.share - 1 + np.float32(2 * _SEAM) * contrast
-    mask = np.clip(place * np.float32(0.5 / _SEAM_WIDTH) + np.float32(0.5), 0, 1) * (continued.share > 0)
-    own -= window
-    own *= mask.repeat(3, axis=1).reshape(own.shape)
-    window += own
-
-
-def _continuation_cells(lighting: Lighting, photo: NDArray[np.uint8], segments: Segments | None) -> Image:
-    """The means of a continued photo's linear values in each cell, times the share (R, 2R, 4) of it, the last."""
-    continued = project_photo(lighting, photo, 4 * DETAIL_ROWS, continued=True, segments=segments)
-    linear = np.zeros((continued.height, 2 * continued.height, 4), np.float32)
-    window, whole = linear[continued.rows, continued.columns], continued.whole
-    window[..., 3] = whole.share > 0
-    window[..., :3] = whole.linear * window[..., 3:]
-    return shrink_envmap(linear, DETAIL_ROWS)
-
-
-def _match_continuation(own: Image, library: Image) -> Image:
-    """Factors (R, 2R, 3) that make a continued photo as bright as the library's cells (R, 2R, 3), over some degrees.
-
-    Args:
-        own: of `_continuation_cells`.
-        library: linear.
-    """
-    log = np.log(own[..., :3] / np.maximum(own[..., 3:], np.float32(1e-6)) + LOG_OFFSET)
-    return np.exp(_spread(np.log(library) - log, own[..., 3:], _MATCHED_DEG)[0])
-
-
-def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Image, Image]:
-    """The photo in each cell: mean logarithm (R, 2R, 3), 1 where it is shown, and the share that is clipped (R, 2R, 1).
-
-    Where it is clipped, the map shows through.
+    Both are (R, 2R, 1). Sky, ground, water and what is far go on; things do not. Where it is clipped, the map shows
+    through.
     """
     samples, cell = sample_cells(photo, lighting, DETAIL_ROWS)
-    colors = samples.reshape(-1, 3)
+    colors, rows, columns = samples.reshape(-1, 3), *cell.shape
     cells, shape = 2 * DETAIL_ROWS**2, (DETAIL_ROWS, 2 * DETAIL_ROWS, -1)
     clipped = colors.max(axis=1, keepdims=True) > CLIPPED
-    values = np.concatenate([np.log(colors + LOG_OFFSET), clipped], axis=1)
+    weight = np.ones((len(colors), 1), np.float32)
+    if segments is not None:
+        above, below = (pixel_share(segments, columns, rows, *kinds) for kinds in (_OPEN_ABOVE, _OPEN_BELOW))
+        share = np.where(cell < cells // 2, above, below).reshape(-1, 1)
+        weight = np.maximum(share, np.float32(_LEAST_OPEN))
+    values = np.concatenate([weight * np.log(colors + LOG_OFFSET), weight, clipped], axis=1)
     count = np.bincount(cell.reshape(-1), minlength=cells)[:, None]
     total = np.stack([np.bincount(cell.reshape(-1), channel, cells) for channel in values.T], axis=-1)
-    mean, shown = (total / np.maximum(count, 1)).astype(np.float32).reshape(shape), (count > 0).astype(np.float32)
-    return mean[..., :3], shown.reshape(shape), mean[..., 3:]
+    mean = total / np.maximum(count, 1)
+    log = mean[:, :3] / np.maximum(mean[:, 3:4], 1e-6)
+    parts = (np.asarray(part, dtype=np.float32).reshape(shape) for part in (log, mean[:, 3:4], mean[:, 4:]))
+    log_cells, shown, clipped_share = parts
+    return log_cells, shown, clipped_share
 
 
 def _spread(values: Image, shown: Image, deg: float) -> tuple[Image, Image]:
@@ -278,9 +242,9 @@ def _spread(values: Image, shown: Image, deg: float) -> tuple[Image, Image]:
     return np.asarray(blur_cells(values * shown, deg) / np.maximum(share, np.float32(1e-6))), share
 
 
-def _share_off_sun(sun_angle: Floats) -> Image:
-    """How far (R, 2R, 3) there is detail, by the angle [deg] (R, 2R) from the sun."""
-    share = np.clip((sun_angle - _SUN_DEG[0]) / (_SUN_DEG[1] - _SUN_DEG[0]), 0, 1)
+def _share_off_sun(sun_angle: Floats, reach: tuple[float, float]) -> Image:
+    """0 to 1 (R, 2R, 3) by the angle [deg] (R, 2R) from the sun: from 0 within the first of `reach` to 1 beyond it."""
+    share = np.clip((sun_angle - reach[0]) / (reach[1] - reach[0]), 0, 1)
     return np.asarray(share * share * (3 - 2 * share), dtype=np.float32)[..., None].repeat(3, axis=2)
 
 
@@ -307,17 +271,23 @@ def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
 def _hand_over(lit: Image, log: Image, rim: Image, deg: float) -> Image:
     """Gains (R, 2R, 3) that take the photo's own brightness beyond its edges, so that no frame is seen.
 
+    Each half of the map has its own: the sky's brightness is not that of the ground.
+
     Args:
         lit: (R, 2R, 3) the map with detail.
         log: (R, 2R, 3) mean logarithm of the photo.
-        rim: (R, 2R, 1) the cells at its edges, 1 or 0.
+        rim: (R, 2R, 1) how far cells count: those at its edges, 0 to 1.
         deg: standard deviation over which they do.
     """
-    if not rim.any():
-        return np.ones_like(lit)
-    off = np.clip(log - np.log(lit + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
-    spread, share = _spread(off, rim, deg)
-    return np.asarray(np.exp(spread * np.clip(share / _median(share[rim > 0]), 0, 1)), dtype=np.float32)
+    gains = np.ones_like(lit)
+    for half in np.split(np.arange(len(lit)), 2):
+        if not rim[half].any():
+            continue
+        off = np.clip(log[half] - np.log(lit[half] + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
+        spread, share = _spread(off, rim[half], deg)
+        whole = blur_cells(np.asarray(rim[half] > 0, dtype=np.float32), deg)[rim[half] > 0]
+        gains[half] = np.exp(spread * np.clip(share / _median(whole), 0, 1))
+    return gains
 
 
 def _median(values: Image) -> np.float32:

@@ -1,9 +1,9 @@
 """The library of detail: small CC0 panoramas of real places, which of them suits a photo, and its detail in a map.
 
 A map takes from one of them what is finer than the network's cells. What the photo shows in each cell decides which:
-brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it, and how much of
-plants, buildings and water its kind of place has all around. Its sun counts too, so that shadows agree. Snow is for
-photos of snow alone.
+brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it, how much of plants,
+buildings and water its kind of place has all around, and the colors of ground and leaves: no lawn goes on as paving.
+Its sun counts too, so that shadows agree. Snow is for photos of snow alone, shores for photos of water.
 `python -m export.data.detail_library` made the file.
 """
 
@@ -45,11 +45,32 @@ _CLASS_WEIGHT = 3.0  # of each of the last, where the photo shows them
 _BAND = slice(9, 13)  # rows of cells 22 deg above the horizon to 7 below
 _CANOPY = slice(4, 9)  # rows above these
 _WATER = slice(11, 16)  # rows around the horizon and below it
-# What places have all around: buildings and plants in the band, water, and plants above the band. A constant, and
-# factors of what a photo of 60 deg shows of buildings, plants and water; fitted to crops of `train` and `val`.
-_EXPECTED = ((0.05, 0.6, 0.08, 0.0), (0.08, 0.1, 0.68, 0.0), (0.04, 0.0, 0.0, 0.35), (0.03, 0.15, 0.7, 0.0))
-_AROUND_WEIGHTS = (30.0, 6.0, 6.0, 6.0)  # cost of squared differences from each
-_WIDE_CELLS = 36, 45  # cells of the band, and of water's rows, that a photo must show to count in full
+# What places have all around: buildings and plants in the band, water, plants and buildings above the band. A constant,
+# and factors of what a photo of 60 deg shows of each; the first three were fitted to crops of `train` and `val`.
+_EXPECTED = (
+    (0.05, 0.6, 0.08, 0.0, 0.0, 0.0),
+    (0.08, 0.1, 0.68, 0.0, 0.0, 0.0),
+    (0.04, 0.0, 0.0, 0.35, 0.0, 0.0),
+    (0.03, 0.1, 0.3, 0.0, 0.45, 0.0),
+    (0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+)
+_AROUND_WEIGHTS = (12.0, 6.0, 6.0, 12.0, 6.0)  # cost of squared differences from each
+_WIDE_CELLS = 36, 45, 36  # cells of the band, of water's rows and of those above that a photo shows to count in full
+_GROUND = slice(13, 20)  # rows of cells 7 to 60 deg below the horizon
+_GROUND_WEIGHTS = (8.0, 0.7)  # of its squared logarithms: green over red and blue, red over blue
+_LEAVES_WEIGHT = 1.5  # of squared logarithms of red over green, where there are plants
+_FEW_CELLS = 3.0  # of ground or leaves, by which their colors count half
+_WATER_COST = 4.0  # of a shore without water in the photo, and of none with it
+_WATER_SHARES = (0.05, 0.12)  # of water's rows up to which a photo is none of a shore, and from which it is one
+_TOWN_COST = 4.0  # of a town without buildings in the photo, and of none with them
+_TOWN_SHARES = (0.06, 0.3)  # the same of buildings in the band
+_BARE_COST = 3.0  # of a bare place with plants or buildings in the photo
+_BARE_SHARES = (0.03, 0.15)  # the same of plants and buildings in the band
+_GARDEN_COST = 1.5  # of a garden without buildings in the photo
+_GARDEN_SHARES = (0.01, 0.06)  # the same of buildings in the band
+_TOWNS = ("city", "waterfront")
+_BARE = ("desert", "mountain")
+_SHORES = ("shore", "waterfront")
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
 _MIN_SAMPLES = 8  # sampled pixels of the photo by which a cell counts as visible
@@ -76,10 +97,8 @@ class _DetailLibrary:
     """(N,) deg, NaN where unknown."""
     sunlit: NDArray[np.bool_]
     """(N,) whether direct sunlight reaches the place."""
-    snow: NDArray[np.bool_]
-    """(N,) whether snow covers the ground."""
-    cost: Floats
-    """(N,) in squared logarithms, of what maps least look real with, and of what would be chosen too often."""
+    kind: NDArray[np.str_]
+    """(N,) of BACKDROPS."""
 
     def read_picture(self, index: int) -> bytes:
         """Return a panorama's picture.
@@ -147,8 +166,7 @@ def load_detail_library() -> _DetailLibrary:
         features=table["features"] * np.float32((high - low) / 255) + np.float32(low),
         sun_azimuth=table["sun_azimuth"],
         sunlit=table["sunlit"],
-        snow=table["snow"],
-        cost=table["cost"],
+        kind=table["kind"],
     )
 
 
@@ -240,44 +258,36 @@ def class_features(segments: Segments, cell: NDArray[np.intp]) -> Image:
     return np.stack(means).reshape(-1, FEATURE_ROWS, 2 * FEATURE_ROWS).astype(np.float32)
 
 
-def choose_source(features: PhotoFeatures) -> DetailSource:
+def choose_source(features: PhotoFeatures, kind: str | None = None) -> DetailSource:
     """The detail that suits a photo.
 
     Args:
         features: of the photo.
+        kind: of BACKDROPS, to which the choice is confined; None: all of them.
     """
-    choice = _choose_detail(features.target, features.weight, features.sun_azimuth, features.snow)
+    choice = _choose_detail(features.target, features.weight, features.sun_azimuth, features.snow, kind=kind)
     return DetailSource(choice, features.saturation)
 
 
 def _choose_detail(
-    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: _DetailLibrary | None = None
+    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, kind: str | None = None
 ) -> _DetailChoice:
     """The panorama, of all rotations and both ways round, that costs least.
 
     Args:
-        target: as that of `choice_costs`.
+        target: as that of `_choice_costs`.
         weight: likewise.
         sun_azimuth: likewise.
         snow: likewise.
-        library: likewise.
+        kind: likewise.
     """
-    library = load_detail_library() if library is None else library
-    return cheapest_choice(choice_costs(target, weight, sun_azimuth, snow, library) + library.cost[:, None])
-
-
-def cheapest_choice(cost: Floats) -> _DetailChoice:
-    """What costs least.
-
-    Args:
-        cost: (2, N, turns), as of `choice_costs`.
-    """
+    cost = _choice_costs(target, weight, sun_azimuth, snow, kind)
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return _DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
 
 
-def choice_costs(
-    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: _DetailLibrary | None = None
+def _choice_costs(
+    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, kind: str | None = None
 ) -> Floats:
     """Squared differences of features (2, N, turns), but for what is the same for all: panoramas, and flipped ones.
 
@@ -286,20 +296,22 @@ def choice_costs(
         weight: as `target`, of `_feature_weights`.
         sun_azimuth: deg, of a sun that shines; None: without.
         snow: whether the photo shows snow; panoramas of snow are for such photos alone, and no others are.
-        library: None is the one in this package.
+        kind: of BACKDROPS, whose panoramas alone are for it whatever it shows; None: all.
     """
-    library = load_detail_library() if library is None else library
+    library = load_detail_library()
     columns = 2 * FEATURE_ROWS
     turned = (np.arange(columns)[:, None] + np.arange(columns)) % columns  # (turns, columns)
     flips = [library.features, library.features[..., ::-1]]
     costs = [_sun_cost(library, flipped, sun_azimuth) for flipped in (False, True)]
-    for kind, (weights, targets) in enumerate(zip(weight, weight * target, strict=True)):
+    for number, (weights, targets) in enumerate(zip(weight, weight * target, strict=True)):
         rows = weights.any(axis=1)  # of most kinds only those that the photo shows
         turns = [one[rows][:, turned].swapaxes(0, 1).reshape(columns, -1).T for one in (weights, targets)]
         for cost, features in zip(costs, flips, strict=True):
-            values = features[:, kind, rows].reshape(len(features), -1)
+            values = features[:, number, rows].reshape(len(features), -1)
             cost += values**2 @ turns[0] - 2 * values @ turns[1]
-    around = _around_cost(library, target, weight) + np.where(library.snow == snow, 0.0, np.inf)
+    around = _around_cost(library, target, weight) + _color_cost(library, target, weight)
+    fits = (library.kind == "snow") == snow if kind is None else library.kind == kind
+    around += np.where(fits, 0.0, np.inf)
     return np.stack(costs) + around[:, None]
 
 
@@ -307,26 +319,72 @@ def _around_cost(library: _DetailLibrary, target: Image, weight: Image) -> Float
     """What it costs (N,) that places have more or less of plants, buildings and water around than is expected."""
     shares = np.stack(_class_shares(library.features, np.ones(library.features.shape[2:], np.bool_))[0], axis=-1)
     shown, known = _class_shares(target, weight[FEATURES.index("plants")] > 0)
-    building, plants, water, _ = map(float, shown)
-    expected = np.array(_EXPECTED) @ [1.0, building, plants, water]
-    return np.asarray((shares - expected) ** 2 @ (np.array(_AROUND_WEIGHTS) * known))
+    building, plants, water = map(float, shown[:3])
+    if not known[-1]:  # what is high up, where no cell shows it
+        shown[3] = shown[1]
+    expected = np.array(_EXPECTED) @ [1.0, *map(float, shown)]
+    cost = np.asarray((shares - expected) ** 2 @ (np.array(_AROUND_WEIGHTS) * known))
+    dry = max(1.0 - 2 * building, 0.0)  # wet streets look like water
+    wet = dry * float(np.interp(water, _WATER_SHARES, (0.0, 1.0)))
+    built = float(np.interp(building, _TOWN_SHARES, (0.0, 1.0)))
+    for kinds, degree, price in (
+        (_SHORES, wet, _WATER_COST * float(known[2])),
+        (_TOWNS, built, _TOWN_COST * float(known[0])),
+    ):
+        cost += price * np.where(np.isin(library.kind, kinds), 1 - degree, degree)
+    grown = float(np.interp(building + plants, _BARE_SHARES, (0.0, 1.0))) * float(known[0])
+    house = float(np.interp(building, _GARDEN_SHARES, (0.0, 1.0))) if known[0] else 1.0
+    cost += _GARDEN_COST * (1 - house) * (library.kind == "garden")
+    return np.asarray(cost + _BARE_COST * grown * np.isin(library.kind, _BARE))
+
+
+def _color_cost(library: _DetailLibrary, target: Image, weight: Image) -> Floats:
+    """What it costs (N,) that ground and leaves have other colors than in the photo."""
+    everywhere = np.ones(target.shape[1:], np.float32)
+    seen = (weight[0] > 0).astype(np.float32) * (weight[FEATURES.index("plants")] > 0)
+    ground, _, leaves, wood = _mean_colors(library.features, everywhere)
+    own_ground, cells, own_leaves, own_wood = _mean_colors(target, seen)
+    cost = (ground - own_ground) ** 2 @ np.array(_GROUND_WEIGHTS) * (cells / (cells + _FEW_CELLS))
+    return np.asarray(
+        cost + _LEAVES_WEIGHT * (leaves - own_leaves) ** 2 * (own_wood / (own_wood + _FEW_CELLS)) * (wood > _FEW_CELLS)
+    )
+
+
+def _mean_colors(features: Image, seen: Image) -> tuple[Floats, Floats, Floats, Floats]:
+    """Colors of the ground (..., 2), as _GROUND_WEIGHTS, and of leaves (...); each with how many cells show it.
+
+    Args:
+        features: (..., F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
+        seen: (FEATURE_ROWS, 2 FEATURE_ROWS) 1 for cells that count.
+    """
+    red, blue, plants, building, water = (
+        features[..., FEATURES.index(name), :, :] for name in ("red", "blue", "plants", "building", "water")
+    )
+    bare = np.clip(1 - plants - building - water, 0, 1) * seen
+    bare[..., : _GROUND.start, :] = bare[..., _GROUND.stop :, :] = 0
+    leafy = plants.clip(0, 1) * seen
+    leafy[..., _BAND.stop :, :] = 0
+    cells, wood = bare.sum(axis=(-2, -1)), leafy.sum(axis=(-2, -1))
+    tints = [(bare * tint).sum(axis=(-2, -1)) / np.maximum(cells, 1e-6) for tint in (-(red + blue) / 2, red - blue)]
+    leaves = (leafy * red).sum(axis=(-2, -1)) / np.maximum(wood, 1e-6)
+    return np.stack(tints, axis=-1), cells, leaves, wood
 
 
 def _class_shares(features: Image, seen: NDArray[np.bool_]) -> tuple[list[Floats], Floats]:
-    """How much (..., 4 in a list) is seen of what _EXPECTED tells, and how far it is known (4,), 0 to 1.
+    """How much (..., 5 in a list) is seen of what _EXPECTED tells and of high buildings; how far it is known (5,).
 
     Args:
         features: (..., F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
         seen: (FEATURE_ROWS, 2 FEATURE_ROWS) cells that count.
     """
     means: list[Floats] = []
-    for name, rows in (("building", _BAND), ("plants", _BAND), ("water", _WATER), ("plants", _CANOPY)):
+    parts = (("building", _BAND), ("plants", _BAND), ("water", _WATER), ("plants", _CANOPY), ("building", _CANOPY))
+    for name, rows in parts:
         cells = features[..., FEATURES.index(name), rows, :][..., seen[rows]]
         means.append(np.asarray(cells.clip(0, 1).sum(axis=-1) / max(cells.shape[-1], 1), dtype=np.float64))
-    band, water = (
-        min(np.count_nonzero(seen[rows]) / cells, 1.0) for rows, cells in zip((_BAND, _WATER), _WIDE_CELLS, strict=True)
-    )
-    return means, np.array([band, band, water, band])
+    counted = zip((_BAND, _WATER, _CANOPY), _WIDE_CELLS, strict=True)
+    band, water, high = (min(np.count_nonzero(seen[rows]) / cells, 1.0) for rows, cells in counted)
+    return means, np.array([band, band, water, band, high])
 
 
 def _sun_cost(library: _DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:
@@ -401,11 +459,9 @@ class LibraryDetail:
         self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
         reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
         self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
-        contrast, powers = _contrast(DETAIL_ROWS), self._raise_to_contrast(reduced, np.empty(reduced.shape, np.float32))
+        contrast = _contrast(DETAIL_ROWS)
         coarse = _coarse_colors(reduced, self._log_offset)
         self._gains = np.exp(-coarse * contrast[:, None, None])
-        self.cells = self._gains * shrink_envmap(powers, DETAIL_ROWS)
-        """(R, 2R, 3) means of the detail."""
         self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
         """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
 

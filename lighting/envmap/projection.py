@@ -21,16 +21,9 @@ from lighting.envmap.latlong import (
 )
 from lighting.geometry import Floats, Pinhole
 from lighting.records import Lighting
-from lighting.segmentation import Segments, SurfaceClass, class_share
 
 FEATHER = 0.15  # share of the picture's half width and half height over which it fades into its surroundings
 CLIPPED = 0.95  # linear value from which a pixel may have been brighter
-
-# How far a photo goes on beyond its edges, as its own mirror image, in shares of its half width and half height.
-_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM = 0.4, 0.2, 0.4
-
-_MAX_ONCE = 0.15  # probability of a person or a vehicle up to which a cell may be seen twice
-_MIN_UPWARD = 0.5  # probability of plants or sky from which a cell goes on upwards
 
 _SAMPLED_SIDE = 96  # pixels along the longer side at which a photo's colors are sampled
 _WINDOW_ROWS = 48  # rows of a map in which the photo's window is sought
@@ -51,8 +44,6 @@ class ProjectedPhoto:
     """Linear, (R, C, 3)."""
     weight: NDArray[np.float32]
     """(R, C) 1 inside the photo, 0 outside it."""
-    share: NDArray[np.float32]
-    """(R, C) 1 inside the photo, 0 where its mirror image no longer goes on."""
 
     @cached_property
     def channel_weight(self) -> NDArray[np.float32]:
@@ -87,10 +78,6 @@ class PhotoProjection:
     """(h, w, 3) sRGB, at about the map's resolution."""
     camera: Pinhole
     """Of the picture."""
-    continued: bool
-    """Whether it goes on beyond its edges as its own mirror image."""
-    segments: Segments | None
-    """What the photo shows; None: unknown."""
     blocks: list[slice]
     """Of the map's columns, in which its pixels are found; one of a small map."""
 
@@ -155,8 +142,7 @@ class PhotoProjection:
             return self._pixels(slice(top, bottom), slice(left, right))
         first, whole = (self.rows.start, self.columns.start), self.whole
         part = slice(top - first[0], bottom - first[0]), slice(left - first[1], right - first[1])
-        pixels = whole.linear[part], whole.weight[part], whole.share[part]
-        return ProjectedPhoto(slice(top, bottom), slice(left, right), *pixels)
+        return ProjectedPhoto(slice(top, bottom), slice(left, right), whole.linear[part], whole.weight[part])
 
     def covered_share(self, rows: int) -> Image:
         """How much (R, 2R, 1) of each of a map's cells it covers.
@@ -182,28 +168,7 @@ class PhotoProjection:
 
     def _pixels(self, rows: slice, columns: slice) -> ProjectedPhoto:
         x, y = _map_to_picture(self.camera, self.height, rows, columns)
-        weight = _inner_weight(x, y)
-        share = self._continue(x, y) if self.continued else np.asarray(weight > 0, dtype=np.float32)
-        return ProjectedPhoto(rows, columns, _pixels_at(self.picture, x, y), weight, share)
-
-    def _continue(self, x: Image, y: Image) -> NDArray[np.float32]:
-        """How far the photo goes on at positions in it; those beyond its edges become those of its mirror image."""
-        above = y > 1
-        vertical = np.where(above, np.float32(_CONTINUED_TOP), np.float32(_CONTINUED_BOTTOM))
-        beyond = np.maximum((np.abs(x) - 1) / np.float32(_CONTINUED_SIDES), (np.abs(y) - 1) / vertical)
-        share = 1 - np.clip(beyond, 0, 1)
-        for position in (x, y):
-            outside = np.abs(position) > 1
-            position[outside] = (2 * np.sign(position) - position)[outside]
-        if self.segments is None:
-            share[above] = 0
-            return np.asarray(share)
-        rows, columns = self.segments.shape[:2]
-        cell = _pixel_index(y, rows, -1) * columns + _pixel_index(x, columns, 1)
-        once = class_share(self.segments, SurfaceClass.PERSON, SurfaceClass.VEHICLE) > _MAX_ONCE
-        upward = class_share(self.segments, SurfaceClass.PLANTS, SurfaceClass.SKY) > _MIN_UPWARD
-        share[(beyond > 0) & (once.reshape(-1)[cell] | above & ~upward.reshape(-1)[cell])] = 0
-        return np.asarray(share)
+        return ProjectedPhoto(rows, columns, _pixels_at(self.picture, x, y), _inner_weight(x, y))
 
 
 def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
@@ -217,37 +182,23 @@ def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
     return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
 
 
-def project_photo(
-    lighting: Lighting,
-    photo: NDArray[np.uint8],
-    height: int,
-    *,
-    continued: bool = False,
-    segments: Segments | None = None,
-) -> PhotoProjection:
+def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> PhotoProjection:
     """A photo in the pixels of a map; it reaches none where it is under a few degrees wide.
-
-    Continued, its mirror image lies beyond its edges and fades out. People and vehicles are not seen twice. Upwards
-    only plants and sky go on.
 
     Args:
         lighting: with the photo's camera.
         photo: (h, w, 3) sRGB.
         height: rows of the map.
-        continued: whether it goes on beyond its edges.
-        segments: what the photo shows; None: unknown, and nothing goes on upwards.
     """
-    reach = max(_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM) if continued else 0.0
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     width, rows = size_in_envmap(camera, height)
     camera = replace(camera, width=width, height=rows)
     x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
-    right, below = reach / 2 * camera.width, reach / 2 * camera.height
-    inside = (x >= -right) & (x < camera.width + right) & (y >= -below) & (y < camera.height + below)  # false for NaN
+    inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false for NaN
     window = geometry.pixel_window(inside, height, 2 * height) or (slice(0, 0), slice(0, 0))
     blocks = column_blocks(height)
     picture = _resize_photo(photo, (width, rows))
-    projection = PhotoProjection(*window, height, picture, camera, continued, segments, blocks)
+    projection = PhotoProjection(*window, height, picture, camera, blocks)
     if len(blocks) == 1:
         _ = projection.whole  # found here, which may be a thread beside other work
     return projection

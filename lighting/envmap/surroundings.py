@@ -66,8 +66,8 @@ class PhotoContext:
     """What the photo shows, of `segmentation`; None: unknown."""
     detail: bool = False
     """Whether the map has detail all around."""
-    source: detail_library.DetailSource | None = None
-    """What its detail is taken from; None: what suits the photo."""
+    backdrop: str | None = None
+    """The kind of place, one of BACKDROPS, that its detail is taken from; None: what suits the photo."""
     first: "PhotoContext | None" = None
     """The same with the pixels by which its detail is chosen, once for all resolutions; None: these."""
 
@@ -88,7 +88,7 @@ class PhotoContext:
     def own_source(self) -> detail_library.DetailSource:
         """What its detail is taken from, by the light that the photo shows."""
         assert self.light is not None
-        return detail_library.choose_source(describe_place(self.light, self))
+        return detail_library.choose_source(describe_place(self.light, self), self.backdrop)
 
     def gain(self, lighting: Lighting) -> float:
         """The factor that brings photo and panorama to the exposure of a light.
@@ -159,9 +159,7 @@ def render_with_surroundings(
     check_height(height)
     detailed = context.detail and height >= MIN_ROWS
     with ThreadPoolExecutor(1 + detailed) as pool:  # the photo and its detail are read while the sky is painted
-        projection = pool.submit(
-            project_photo, lighting, context.photo, height, continued=detailed, segments=context.segments
-        )
+        projection = pool.submit(project_photo, lighting, context.photo, height)
         found = pool.submit(_find_detail, lighting, context, height) if detailed else None
         image = render(lighting, height, sun=sun, disc=False)
         factors, photo = _context_factors(image, lighting, context), projection.result()
@@ -174,7 +172,7 @@ def render_with_surroundings(
         lower(not detailed)
         upper_done.result()
         if found is not None:
-            add_detail(image, found, lighting, context.photo, photo, gain, pool)
+            add_detail(image, found, lighting, context.photo, context.segments, photo, gain, pool)
             list(pool.map(partial(photo.lay, image, gain=gain), halves, targets))
     cap_map(image, lighting)
     if has_disc:
@@ -223,8 +221,10 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
 def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> detail_library.LibraryDetail:
     """The detail of the library for a photo."""
     chosen_by = context.first or context
-    source = context.source or (chosen_by.own_source if chosen_by.light else None)
-    source = source or detail_library.choose_source(describe_place(lighting, context))
+    if chosen_by.light:
+        source = chosen_by.own_source
+    else:
+        source = detail_library.choose_source(describe_place(lighting, context), context.backdrop)
     return detail_library.LibraryDetail(source, height)
 
 

@@ -194,7 +194,7 @@ def write_exr(
     }
     if attributes:
         _check_attributes(attributes)
-        _try_attributes(header)
+        _try_attributes(header, attributes)
     own = compression == "zip" and not _LAYOUT.intersection(attributes or ())
     write = _write_zip if own else _write_by_library
     if isinstance(target, str | os.PathLike):
@@ -380,12 +380,30 @@ def _check_attributes(attributes: Mapping[str, Any]) -> None:
         raise EnvironmentMapError(f"The attribute {name} {predicate}", "attributes", ErrorCode.OUT_OF_RANGE)
 
 
-def _try_attributes(header: Mapping[str, Any]) -> None:
-    """Write a picture of one pixel with this header; EnvironmentMapError where OpenEXR knows no such attributes."""
+def _try_attributes(header: Mapping[str, Any], attributes: Mapping[str, Any]) -> None:
+    """Write a picture of one pixel with this header; EnvironmentMapError where OpenEXR knows no such attributes.
+
+    So it is where it gives one of them back as something else: some types are cut or left out without a word.
+    """
     try:
-        OpenEXR.File(dict(header), {"RGB": np.zeros((1, 1, 3), np.float32)}).write(io.BytesIO())
+        OpenEXR.File(dict(header), {"RGB": np.zeros((1, 1, 3), np.float32)}).write(trial := io.BytesIO())
     except (RuntimeError, ValueError, TypeError) as error:
         raise EnvironmentMapError(f"The attributes cannot be those of an EXR: {str(error).rstrip('.')}.") from error
+    trial.seek(0)
+    stored = read_exr_attributes(trial)
+    for name, value in attributes.items():
+        if name not in stored or not _is_stored(value, stored[name]):
+            predicate = f"is {value!r}, which OpenEXR leaves out or writes as something else; write it as text."
+            raise EnvironmentMapError(f"The attribute {name} {predicate}", "attributes", ErrorCode.OUT_OF_RANGE)
+
+
+def _is_stored(value: Any, stored: Any) -> bool:
+    """Whether a number, a text or several of them are what OpenEXR gives back; floats may be rounded to 32 bits."""
+    if isinstance(value, list | tuple | np.ndarray):
+        return len(value) == len(stored) and all(map(_is_stored, value, stored))
+    if isinstance(value, float | np.floating):
+        return bool(np.isclose(value, stored, rtol=1e-6, atol=1e-30, equal_nan=True))
+    return not isinstance(value, str | int | np.integer) or bool(value == stored)
 
 
 def _color_space(name: str) -> tuple[tuple[float, ...], str]:

@@ -109,11 +109,22 @@ def environment(**settings: object) -> dict[str, str]:
 
 @contextmanager
 def started(
-    network: Path, *, files: tuple[int, int] | None = None, disk: Path | None = None, **settings: object
+    network: Path,
+    *,
+    files: tuple[int, int] | None = None,
+    disk: Path | None = None,
+    first: str = "",
+    **settings: object,
 ) -> Iterator[Server]:
-    """A service with some settings, with a soft and a hard limit on its open files, and a small disk at a folder."""
+    """A service with some settings, with a soft and a hard limit on its open files, and a small disk at a folder.
+
+    `first` is what its process runs before, in Python.
+    """
     given = environment(**{"port": 0, "model": network, **settings})
     command = [sys.executable, "-m", "server"]
+    command = (
+        [sys.executable, "-c", f"{first}; from server.__main__ import run_server; run_server()"] if first else command
+    )
     command = ["prlimit", f"--nofile={files[0]}:{files[1]}", *command] if files else command
     command = [*SMALL_DISK, str(disk), *command] if disk else command
     with TemporaryFile() as log, subprocess.Popen(command, cwd=ROOT, env=given, stderr=log) as process:

@@ -1,5 +1,6 @@
 """Jobs of a real service: a full disk, files that somebody removes, one client's many uploads, a kill."""
 
+import http.client
 import json
 import shutil
 import signal
@@ -177,3 +178,38 @@ def test_a_kill_loses_nothing(network: Path, tmp_path: Path) -> None:
         assert {path.name for path in (tmp_path / JOBS_FOLDER).iterdir()} == {job["id"], "lock", "photos"}
         assert "its upload had not come" in server.log
     assert (tmp_path / "home" / "letter.txt").read_text() == "dear"
+
+
+@pytest.mark.thorough
+def test_a_clock_that_is_set_locks_nobody_out_and_deletes_nothing(network: Path, tmp_path: Path) -> None:
+    """A clock on the wall that a file sets, in a process of its own."""
+    clock, waits = tmp_path / "clock", list[int]()
+    first = f"import time; true = time.time; time.time = lambda: true() + float(open({str(clock)!r}).read())"
+    settings: dict[str, Any] = {"jobs_folder": tmp_path, "concurrency": 1, "rate_limit": "40/minute", "first": first}
+
+    def ask_twice(server: Server, job: dict[str, Any]) -> None:
+        connection = http.client.HTTPConnection("127.0.0.1", server.port, source_address=("127.0.1.2", 0))
+        connection.request("GET", "/v1/model")
+        waits.append(int(connection.getresponse().headers.get("Retry-After", 0)))
+        connection.close()
+        assert ask(server, job)["state"] == "failed"
+
+    clock.write_text("0")
+    with started(network, **settings) as server:
+        job = submit(server)[1]
+        server.until_logged("job of kind photos failed")
+        while server.request("GET", "/v1/model", source="127.0.1.2")[0] == 200:
+            pass
+        for seconds in (-3600, 2 * 86400):
+            clock.write_text(str(seconds))
+            ask_twice(server, job)
+    assert all(0 < wait <= 60 for wait in waits)
+    with started(network, **settings) as server:  # with the clock still wrong
+        ask_twice(server, job)
+        future = submit(server)[1]
+        server.until_logged("job of kind photos failed")
+    clock.write_text("0")
+    with started(network, **settings) as server:  # it is right again, and a record is of the day after tomorrow
+        ask_twice(server, job)
+        ask_twice(server, future)
+        assert "removed job" not in server.log

@@ -11,6 +11,7 @@ from starlette.testclient import TestClient
 from lighting.errors import LightingError, ModelError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.estimator import Estimator
 from lighting.fields import RANGES
+from lighting.photo import sandbox
 from lighting.scene import EXPORTERS
 from server import problems
 from server.problems import MAX_ERRORS
@@ -239,6 +240,22 @@ def test_whatever_the_library_raises_has_its_problem(
     assert "secret" not in answer.text + str(answer.headers)
     assert (body["request_id"] in caplog.text) == (status == 500)
     assert client.get("/livez").status_code == 200
+
+
+def test_a_fault_of_ours_in_a_decoder_is_500_and_logged(
+    client: TestClient, jpeg: bytes, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    code = "from lighting.photo import reader; reader.find_layout = lambda *_, **__: missing; "
+    monkeypatch.setattr(sandbox, "_WORKER_CODE", code + sandbox._WORKER_CODE)
+    monkeypatch.setattr(sandbox, "_idle", decoders := list[Any]())
+    for _ in range(2):  # the decoder goes on
+        caplog.clear()
+        body = problem(client.post("/v1/lighting", content=jpeg, headers=JPEG), 500, "internal")
+        assert "missing" not in json.dumps(body)
+        assert body["request_id"] in caplog.text
+        assert "NameError: name 'missing' is not defined" in caplog.text
+    (decoder,) = decoders
+    decoder.end()
 
 
 def test_a_route_that_breaks_is_500_with_every_header(app: FastAPI, client: TestClient) -> None:

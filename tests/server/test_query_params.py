@@ -162,7 +162,9 @@ def test_names_are_those_of_the_command_line() -> None:
     for option in _OPTIONS.values():
         command: Any = option(lambda: None)
         options.add(command.__click_params__[0].opts[0].removeprefix("--"))
-    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-metadata"} | {"metadata"}
+    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-metadata", "camera"} | {
+        "metadata"
+    }
 
 
 @pytest.mark.parametrize(
@@ -459,3 +461,50 @@ def test_a_light_probe_is_for_an_engine_by_its_old_name_too() -> None:
     assert SkyProbeQuery.model_validate(sky).tool == "record"
     with pytest.raises(ValidationError, match="is the same as for"):
         SkyProbeQuery.model_validate({**sky, "for": "unity", "format": "unity"})
+
+
+def test_what_is_drawn_in_a_photo_counts_as_for_the_library(client: TestClient, estimator: Estimator) -> None:
+    drawn = {
+        "horizon": "0,110,319,118",
+        "vertical": "20,20,22,200;300,20,297,200",
+        "reference": "160,220,160,150,1.8",
+        "shadow": "160,220,230,225",
+    }
+    given = UserInput(
+        horizon=drawn["horizon"],
+        verticals=drawn["vertical"].split(";"),
+        reference=drawn["reference"],
+        shadows=[drawn["shadow"]],
+    )
+    found = estimate(client, PLAIN, **drawn)
+    assert found == record_with_coefficients(estimator(read_photo(PLAIN), given).lighting)
+    assert {"shadow", "drawn camera"} <= set(found["evidence"])
+
+
+@pytest.mark.parametrize(
+    ("query", "field"),
+    [
+        ({"horizon": "1,2,3"}, "horizon"),
+        ({"vertical": "1,2,3,4"}, "vertical"),
+        ({"reference": "1,2,300,4,x"}, "reference"),
+        ({"reference": "1,2,300,4,2", "camera_height": "2"}, "reference"),
+        ({"shadow": "1,2"}, "shadow"),
+    ],
+)
+def test_what_is_drawn_wrong_is_named(client: TestClient, query: dict[str, str], field: str) -> None:
+    answer = ask(client, **query)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == field
+
+
+def test_a_sun_is_picked_by_its_number(client: TestClient, estimator: Estimator) -> None:
+    light = estimator(read_photo(PLAIN)).lighting
+    _, picked = read_exr(BytesIO(ask(client, path="/v1/envmap", height=32, pick=2).content))
+    assert picked is not None
+    assert (picked.sun_azimuth, picked.sun_elevation) == (
+        light.sun_candidates[1].azimuth,
+        light.sun_candidates[1].elevation,
+    )
+    for query in ({"pick": "4"}, {"pick": "2", "sun": "40,25"}):
+        answer = ask(client, path="/v1/envmap", **query)
+        assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "pick")

@@ -8,11 +8,9 @@ from PIL import Image
 
 import lighting.envmap.detail_library as detail_library
 from export.data.detail_library import (
-    _MOST_USED,
     _make_detail_library,
     _may_ship,
     _remove_glare,
-    balance_library,
     write_detail_library,
 )
 from export.data.panoramas import Panorama
@@ -79,24 +77,4 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
     picture = detail_library._detail_picture(detail_library._DetailChoice(0, False, 0.0), 96, library=library)
     assert picture.columns(slice(0, 192)).shape == (96, 192, 3)
     assert np.isfinite(library.features).all()
-    assert library.cost.tolist() == [0.0]
-
-
-def test_no_panorama_is_chosen_for_too_many_photos() -> None:
-    costs = np.random.default_rng(2).random((200, 60))
-    costs[:, 7] -= 0.6  # suits nearly every photo
-    extra = balance_library(costs)
-    used = np.bincount((costs + extra).argmin(axis=1), minlength=60)
-    assert np.bincount(costs.argmin(axis=1))[7] > 100
-    assert used.max() <= _MOST_USED * 200
-    assert used[7] > 0
-    assert extra.argmax() == 7
-    assert np.median(extra) == 0
-
-
-def test_what_a_panorama_costs_anyway_stays() -> None:
-    costs = np.random.default_rng(2).random((200, 60))
-    least = np.linspace(0, 0.3, 60)
-    extra = balance_library(costs, least)
-    assert (extra >= least.astype(np.float32)).all()
-    assert np.bincount((costs + extra).argmin(axis=1), minlength=60).max() <= _MOST_USED * 200
+    assert library.kind.tolist() == ["city"]

@@ -1,6 +1,5 @@
 """Masks of shade against the truth of rendered places."""
 
-import shutil
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -8,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.data.detail_library import read_detail_library
 from export.data.panoramas import read_index
-from export.reports.map_detail import _choose_views, _cost_of_unlike, balance_detail, report_map_detail
+from export.reports.map_detail import _choose_views, report_map_detail
 from export.reports.shadow_mask import (
     _format_masks,
     _GroundScene,
@@ -21,7 +19,6 @@ from export.reports.shadow_mask import (
 )
 from export.reports.sky_models import _compare, _format_errors, _hosek_wilkie, _Truth
 from lighting.color import tone_map
-from lighting.envmap.detail_library import LIBRARY_PATH
 from lighting.geometry import direction, latlong_directions
 from lighting.model import Model
 from lighting.sky.clear_sky import prague_radiance
@@ -128,19 +125,6 @@ def test_crops_are_of_as_many_places_as_there_are(data: Path) -> None:
     assert _choose_views(panoramas[::-1], 3) != []
 
 
-def test_a_panorama_costs_the_more_the_less_real_maps_with_it_look() -> None:
-    rng = np.random.default_rng(0)
-    true = rng.normal(size=(20, 3, 8))
-    looks = rng.normal(size=(20, 2, 3, 8))
-    looks[:, 0] += 3.0  # maps with panorama 0 are unlike true views, those with panorama 1 like them
-    order = np.tile([0, 1], (20, 1))
-    few, many = _cost_of_unlike(order[:2], looks[:2], true[:2], 3), _cost_of_unlike(order, looks, true, 3)
-    assert many[0] > 0
-    assert 0 <= many[1] < 0.1 * many[0]
-    assert many[2] == 0
-    assert few[0] < 0.6 * many[0]
-
-
 @pytest.mark.slow
 def test_the_report_has_a_row_for_each_kind_of_map_and_keeps_what_is_estimated(
     data: Path, lit_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -156,12 +140,3 @@ def test_the_report_has_a_row_for_each_kind_of_map_and_keeps_what_is_estimated(
     before = [file.stat().st_mtime_ns for file in kept]
     assert report_map_detail(data, model, 4, "train", tmp_path / "cache").split("CPU")[0] == report.split("CPU")[0]
     assert [file.stat().st_mtime_ns for file in kept] == before
-    library = tmp_path / "detail.npy"
-    shutil.copyfile(LIBRARY_PATH, library)
-    monkeypatch.setattr("export.reports.map_detail.LIBRARY_PATH", library)
-    monkeypatch.setattr("export.reports.map_detail._TRIED", 1)
-    assert balance_detail(data, model, 4, tmp_path / "cache").endswith(" of 53 panoramas suit 4 crops.")
-    (balanced, pictures), (shipped, shipped_pictures) = map(read_detail_library, (library, LIBRARY_PATH))
-    assert pictures == shipped_pictures
-    assert balanced.dtype == shipped.dtype
-    assert (balanced["features"] == shipped["features"]).all()

@@ -38,7 +38,7 @@ def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_pat
             "sky": None,
             "around": None,
             "disc": True,
-            "adjustments": {"sun": None, "exposure": 0.0, "haze": None, "overcast": False},
+            "adjustments": {"sun": None, "exposure": 0.0, "haze": None, "overcast": False, "pick": None},
         },
         "file": {"format": "exr", "compression": "zip", "colors": "rec709"},
     }

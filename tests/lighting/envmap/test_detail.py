@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lighting.color import luminance
-from lighting.envmap.detail import MIN_ROWS, _color_dark, _continuation_cells, _match_continuation
+from lighting.envmap.detail import MIN_ROWS, _color_dark, _own_tint
 from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_ROWS,
@@ -18,10 +18,11 @@ from lighting.envmap.detail_library import (
     load_detail_library,
 )
 from lighting.envmap.latlong import blur_cells, envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
-from lighting.envmap.projection import ProjectedPhoto, project_photo
+from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import angle_between, latlong_angles, latlong_directions
+from lighting.map_options import BACKDROPS
 from lighting.records import Lighting
 from lighting.segmentation import SurfaceClass
 from tests.helpers.predictions import stated_light
@@ -88,7 +89,7 @@ def test_matte_objects_look_the_same_where_the_photo_is_clipped() -> None:
     sky = tuple(4 * np.array(LIGHT.sky_irradiance))
     light = replace(LIGHT, vertical_fov=80.0, camera_elevation=15.0, sky_irradiance=sky)
     plain, detailed = (envmap_irradiance(one, latlong_directions(8).reshape(-1, 3)) for one in maps(pixels, light))
-    assert np.mean(np.abs(detailed / plain - 1)) < 0.02  # 0.032 if it did not
+    assert np.mean(np.abs(detailed / plain - 1)) < 0.025  # 0.032 if it did not
 
 
 def test_what_is_coarse_stays() -> None:
@@ -166,38 +167,54 @@ def test_no_second_sun() -> None:
     assert after < 1.4 * before
 
 
-def continued_pixels(pixels: np.ndarray, segments: np.ndarray) -> ProjectedPhoto:
-    return project_photo(LIGHT, pixels, 256, continued=True, segments=segments).whole
-
-
-def test_people_are_not_repeated() -> None:
-    """A red patch at the photo's edge goes on beside it, unless a mask says that it must not."""
+def test_nothing_at_the_photos_edge_is_seen_twice() -> None:
     pixels = photo()
     pixels[70:100, -12:] = (250, 0, 0)
-    segments = np.zeros((12, 16, len(SurfaceClass)), np.float32)
-    segments[..., SurfaceClass.GROUND] = 1
-    everything = continued_pixels(pixels, segments)
-    segments[6:11, -2:] = np.eye(len(SurfaceClass))[SurfaceClass.PERSON]
-    masked = continued_pixels(pixels, segments)
+    _, detailed = maps(pixels, height=256)
+    red = (detailed[..., 0] > 0.5) & (detailed[..., 1] < 0.1)
+    columns = np.flatnonzero(red.any(axis=0))
     azimuth, _ = latlong_angles(256)
-    beyond = (azimuth[masked.columns] > 33) & np.ones((masked.share.shape[0], 1), bool)
-    red = (masked.linear[..., 0] > 0.8) & (masked.linear[..., 1] < 0.1) & beyond & (masked.weight == 0)
-    assert (red & (everything.share > 0.3)).any()
-    assert not (red & (masked.share > 0)).any()
-    assert (masked.share[masked.weight > 0] == 1).all()
+    assert columns.size
+    assert azimuth[columns].max() < 32  # of the photo's edge
 
 
-def test_only_sky_and_plants_go_on_upwards() -> None:
-    segments = np.zeros((12, 16, len(SurfaceClass)), np.float32)
-    segments[..., SurfaceClass.BUILDING] = 1
-    segments[:, :8] = np.eye(len(SurfaceClass))[SurfaceClass.SKY]
-    continued = continued_pixels(photo(), segments)
+@pytest.mark.parametrize("shade", [50, 110])
+def test_the_map_takes_the_photos_light_beside_its_edges(shade: int) -> None:
+    """Ground of one shade goes on beyond the edge, and so does the sky; without it there was a frame."""
+    pixels = photo()
+    pixels[70:] = shade
+    _, detailed = maps(pixels, replace(LIGHT, camera_elevation=-5.0), height=256)
     azimuth, elevation = latlong_angles(256)
-    above = (elevation[continued.rows] > 26)[:, None] & (continued.weight == 0) & (continued.share > 0)
-    left, right = (above & (sign * azimuth[continued.columns] > 3) for sign in (-1, 1))
-    inside = np.abs(azimuth[continued.columns]) < 25
-    assert (left & inside).any()
-    assert not (right & inside).any()
+    ground = luminance(detailed[(elevation < -12) & (elevation > -20)]).mean(axis=0)
+    inside = ground[np.abs(azimuth) < 20].mean()
+    beside = ground[(np.abs(azimuth) > 35) & (np.abs(azimuth) < 42)].mean()
+    assert abs(np.log2(beside / inside)) < 0.45
+
+
+def test_things_at_the_photos_edge_leave_the_sky_beside_it_bright() -> None:
+    pixels = photo()
+    pixels[:60, -25:] = (20, 30, 20)
+    segments = np.zeros((12, 16, len(SurfaceClass)), np.float32)
+    segments[:6, :, SurfaceClass.SKY] = 1
+    segments[6:, :, SurfaceClass.GROUND] = 1
+    beside = []
+    for known in (None, segments):
+        if known is not None:
+            known[:6, -3:] = np.eye(len(SurfaceClass))[SurfaceClass.PLANTS]
+        context = PhotoContext(pixels, segments=known, detail=True)
+        image = render_with_surroundings(LIGHT, context, 256, disc=False)
+        azimuth, elevation = latlong_angles(256)
+        sky = luminance(image[(elevation > 5) & (elevation < 20)])
+        beside.append(float(sky[:, (azimuth > 34) & (azimuth < 42)].mean()))
+    assert beside[1] > 1.1 * beside[0]
+
+
+def test_what_stands_before_a_glow_is_dark() -> None:
+    cells = np.full((48, 96, 3), 0.2, np.float32)
+    cells[:24, 40:50] = 2.0
+    tint = _own_tint(cells, np.ones_like(cells))
+    np.testing.assert_allclose(tint[:, 10], 1.0, atol=0.25)
+    assert (tint[:, 45] < 0.2).all()
 
 
 def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
@@ -206,7 +223,7 @@ def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
     level = np.cos(np.radians(elevation))[:, None] * np.ones(len(azimuth))
     seen = level * ((np.abs(elevation) < 30)[:, None] & (np.abs(azimuth) < 40))
     weight = _feature_weights(seen, level)
-    for index, turn in ((3, 5), (20, -11), (40, 0)):
+    for index, turn in ((3, 5), (20, -11), (38, 0)):
         target = np.roll(library.features[index], turn, axis=-1)
         assert _choose_detail(target, weight, None) == _DetailChoice(index, False, turn * 7.5)
         flipped = _choose_detail(target[..., ::-1], weight, None)
@@ -247,9 +264,33 @@ def test_places_have_what_the_photo_shows_all_around(building: float, plants: fl
 @pytest.mark.parametrize("snow", [False, True])
 def test_snow_is_for_photos_of_snow(snow: bool) -> None:
     library = load_detail_library()
-    assert 0 < library.snow.sum() < len(library.snow) / 4
     for plants in (0.0, 0.9):
-        assert library.snow[_choose_detail(*shown_classes(0.0, plants), None, snow).index] == snow
+        chosen = library.kind[_choose_detail(*shown_classes(0.0, plants), None, snow).index]
+        assert (chosen == "snow") == snow
+
+
+@pytest.mark.parametrize(
+    ("building", "water", "kinds"),
+    [(0.0, 0.4, {"shore"}), (0.6, 0.2, {"waterfront", "city"}), (0.7, 0.0, {"city"}), (0.0, 0.0, {"meadow", "desert"})],
+)
+def test_towns_and_shores_are_for_photos_of_them(building: float, water: float, kinds: set[str]) -> None:
+    target, weight = shown_classes(building, 0.02)
+    target[FEATURES.index("water"), 12:] = water
+    assert load_detail_library().kind[_choose_detail(target, weight, None).index] in kinds
+
+
+def test_a_lawn_does_not_go_on_as_paving() -> None:
+    library = load_detail_library()
+    target, weight = shown_classes(0.0, 0.2)
+    for name, value in (("red", -0.5), ("blue", -1.2)):
+        target[FEATURES.index(name)] = value
+    weight[: -len(FEATURE_CLASSES)] = weight[-1:] * 1e-6
+    chosen = library.features[_choose_detail(target, weight, None).index, :, 14:20].mean(axis=(1, 2))
+    assert chosen[FEATURES.index("red")] + chosen[FEATURES.index("blue")] < -0.8
+
+
+def test_every_panorama_has_a_kind() -> None:
+    assert set(load_detail_library().kind) == set(BACKDROPS)
 
 
 def test_what_is_dark_before_the_sky_has_its_own_color() -> None:
@@ -261,14 +302,6 @@ def test_what_is_dark_before_the_sky_has_its_own_color() -> None:
     np.testing.assert_array_equal(tinted[48:], detail[48:])
     np.testing.assert_array_equal(tinted[:, 1::2], detail[:, 1::2])
     np.testing.assert_allclose(tinted[:40, ::2] - 0.25 * (1 + 0.75 * (tint - 1)), 0, atol=1e-4)
-
-
-def test_the_photo_goes_on_as_bright_as_the_library() -> None:
-    library = np.ones((48, 96, 3), np.float32) * np.linspace(1.5, 0.5, 96, dtype=np.float32)[:, None]
-    factors = _match_continuation(_continuation_cells(LIGHT, np.full((60, 80, 3), 128, np.uint8), None), library)
-    grey = 0.2158605 + 0.006  # of 128 in sRGB, and the offset
-    shown = np.s_[22:26, 40:56]
-    np.testing.assert_allclose(factors[shown] * grey, library[shown], rtol=0.05)
 
 
 def test_pictures_are_rotated_and_flipped() -> None:

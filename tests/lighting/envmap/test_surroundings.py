@@ -11,6 +11,7 @@ import pytest
 
 import lighting.rendered_map as rendered_map
 from lighting.color import srgb_decode
+from lighting.envmap.detail_library import load_detail_library
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.envmap.relighting import edit_lighting, rotate_envmap
 from lighting.envmap.render import render
@@ -23,6 +24,7 @@ from lighting.envmap.surroundings import (
     render_with_surroundings,
     surroundings_gain,
 )
+from lighting.errors import ParameterError
 from lighting.geometry import angle_between, latlong_directions
 from lighting.map_options import MapOptions
 from lighting.photo.reader import Photo
@@ -241,23 +243,34 @@ def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(
 )
 def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, around: str | None, shows: bool) -> None:
     answer = estimate(coarse_panorama(stated_light()) if known else None)
-    assert (answer.context(around) is not None) == shows
-    assert answer.context("photo") is not None
+    assert (answer.context(MapOptions(around=around)) is not None) == shows
+    assert answer.context(MapOptions(around="photo")) is not None
 
 
 def test_the_detail_is_chosen_once_for_all_resolutions() -> None:
     answer = estimate(coarse_panorama(stated_light()))
-    place, finer = answer.context(), answer.context("place", np.full((600, 800, 3), 200, np.uint8))
+    place, finer = answer.context(), answer.context(pixels=np.full((600, 800, 3), 200, np.uint8))
     assert place is not None
     assert finer is not None
     assert place is answer.context()
-    source = place.own_source
-    assert finer.own_source != source  # by its own pixels it would be another
+    assert finer.own_source != place.own_source  # by its own pixels it would be another
     assert finer.first is place
-    np.testing.assert_array_equal(
-        render_with_surroundings(stated_light(), finer, 64),
-        render_with_surroundings(stated_light(), replace(finer, first=None, source=source), 64),
-    )
+    image = render_with_surroundings(stated_light(), finer, 64)
+    assert not np.array_equal(image, render_with_surroundings(stated_light(), replace(finer, first=None), 64))
+
+
+def test_a_stated_backdrop_is_the_place_around_the_photo() -> None:
+    answer = estimate(coarse_panorama(stated_light()))
+    library = load_detail_library()
+    for kind in ("forest", "snow", "city"):
+        context = answer.context(MapOptions(backdrop=kind), np.full((60, 80, 3), 90, np.uint8))
+        assert context is not None
+        assert context.first is not None
+        assert library.kind[context.first.own_source.choice.index] == kind
+    with pytest.raises(ParameterError, match='backdrop is for around "place"'):
+        MapOptions(around="plain", backdrop="city")
+    with pytest.raises(ParameterError, match="moon"):
+        MapOptions(backdrop="moon")
 
 
 def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:

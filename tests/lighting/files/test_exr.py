@@ -587,6 +587,10 @@ def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, rounded_map: N
         ({"time": np.int64(2**31)}, "32 bits"),
         ({"envmap": 0}, "envmap is 0"),
         ({"envmap": "latlong"}, "envmap is 'latlong'"),
+        ({"place": (2**40, 1)}, "place is .*, which OpenEXR leaves out or writes as something else"),
+        ({"steps": [1, 2, 3]}, "steps is"),
+        ({"far": 1e300}, "far is"),
+        ({"tiles": 1}, "tiles is"),
     ],
 )
 def test_attributes_that_would_be_written_as_others_are_refused(
@@ -598,7 +602,7 @@ def test_attributes_that_would_be_written_as_others_are_refused(
 
 
 def test_the_largest_whole_numbers_of_an_exr_are_kept(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
-    numbers = {"high": 2**31 - 1, "low": -(2**31), "envmap": OpenEXR.ENVMAP_LATLONG}
+    numbers = {"high": 2**31 - 1, "low": -(2**31), "envmap": OpenEXR.ENVMAP_LATLONG, "pair": [1.5, -2.5], "n": "ü"}
     write_exr(tmp_path / "a.exr", rounded_map, attributes=numbers)
     read = read_exr_attributes(tmp_path / "a.exr")
     assert {name: read[name] for name in numbers} == numbers

@@ -1,0 +1,130 @@
+"""Does a network that has seen the world tell maps from real panoramas, and does it see the photo's edges?
+
+The judge is the whole vision transformer of `export.networks.vision_transformer`. The other figures of `report
+map-detail` come about by EfficientNet-Lite0, whose family is trained here.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.evaluation.metrics import figures_table
+from export.networks.vision_transformer import VisionTransformer, class_tokens, load_wheel
+from export.reports.map_detail import (
+    CROP_FOV,
+    CROP_HEIGHT,
+    CROP_WIDTH,
+    VIEW_AZIMUTHS,
+    VIEW_FOV,
+    VIEW_PIXELS,
+    distances_by_places,
+    draw_camera,
+    looked_at,
+    prepare_views,
+    read_views,
+    render_detail,
+)
+from lighting.color import srgb_bytes
+from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
+from lighting.model import Model
+
+KINDS = {"frame": slice(0, 3), "far": slice(3, 6), "ball": slice(6, 7)}
+JUDGE_NOTE = (
+    "A vision transformer's kernel distance x 1000 from true panoramas of other places, with its standard deviation. "
+    "`frame`: views with the photo's left, right and upper edge in their middle; `far`: at 90, 180 and -90 deg; "
+    "`ball`: a mirror ball. `nearer`: the share of draws of places in which it is less than that of earlier maps."
+)
+
+_DRAWS = 200  # of halves of the places
+_FILE = "judged.npz"  # in the cache: features and places
+
+Features = Callable[[NDArray[np.uint8]], Floats]
+
+
+def judged_views(image: NDArray[np.float32], pitch: float) -> NDArray[np.uint8]:
+    """What is judged of a map: views (7, VIEW_PIXELS, VIEW_PIXELS, 3), sRGB, in the order of KINDS.
+
+    Args:
+        image: (H, 2H, 3) linear, with the photo's camera at azimuth 0.
+        pitch: deg, that camera's elevation.
+    """
+    side = float(np.degrees(np.arctan(np.tan(np.radians(CROP_FOV / 2)) * CROP_WIDTH / CROP_HEIGHT)))
+    edges = [(-side, pitch), (side, pitch), (0.0, pitch + CROP_FOV / 2)]
+    aims = [*edges, *((azimuth, 0.0) for azimuth in VIEW_AZIMUTHS)]
+    cameras = [Pinhole(VIEW_PIXELS, VIEW_PIXELS, VIEW_FOV, azimuth=a, elevation=e) for a, e in aims]
+    views = [srgb_bytes(sample_latlong(np.clip(image, 0, 1), camera_directions(camera))) for camera in cameras]
+    return np.stack([*views, np.round(255 * looked_at(image)[0]).astype(np.uint8)])
+
+
+def judge_features(wheel: Path | None = None) -> Features:
+    """A function that takes pictures (N, S, S, 3), sRGB, to their class tokens (N, F), all of one length.
+
+    Args:
+        wheel: the network's ONNX file; None is that of the installed wheel.
+
+    Raises:
+        DataError: the wheel is not installed.
+    """
+    network = VisionTransformer().eval()
+    load_wheel(network, wheel)
+
+    def features(pictures: NDArray[np.uint8]) -> Floats:
+        tokens = class_tokens(network, pictures).astype(np.float64)
+        return np.asarray(tokens * (np.sqrt(tokens.shape[1]) / np.linalg.norm(tokens, axis=1, keepdims=True)))
+
+    return features
+
+
+def report_map_judge(data: Path, model: Model, count: int, split: str, cache: Path, earlier: Path | None = None) -> str:
+    """A table in Markdown: a row for true panoramas, for maps, and for earlier maps of the same crops.
+
+    Args:
+        data: folder of panoramas.
+        model: the network to ask.
+        count: crops, as that of `report_map_detail`.
+        split: likewise.
+        cache: likewise; it gets a file with the features, which is `earlier` to a later run.
+        earlier: such a file; None: no pairs.
+    """
+    features = judge_features()
+    panoramas, files = prepare_views(data, model, count, split, cache)
+    found: dict[str, list[Floats]] = {"true": [], "maps": []}
+    for file, panorama, view in zip(files, panoramas, read_views(files, panoramas), strict=True):
+        look = partial(judged_views, pitch=draw_camera(panorama)[1])
+        kept = file.with_suffix(".judged.npy")
+        if not kept.exists():
+            np.save(kept, features(look(view.truth)))
+        found["true"].append(np.load(kept))
+        found["maps"].append(features(look(render_detail(view.lighting, view.context))))
+    stacked = {name: np.stack(one) for name, one in found.items()}
+    names = np.array([panorama.name for panorama in panoramas])
+    places = np.array([panorama.place for panorama in panoramas])
+    rows = {name: _figures(one, stacked["true"], places) for name, one in stacked.items()}
+    if earlier is not None:
+        with np.load(earlier) as stored:
+            order = [stored["names"].tolist().index(name) for name in names]
+            before = stored["maps"][order]
+        rows["earlier maps"] = _figures(before, stacked["true"], places)
+        rows["nearer"] = _share_nearer(stacked["maps"], before, stacked["true"], places)
+    np.savez_compressed(cache / _FILE, names=names, places=places, **stacked)
+    return f"## Judged by a network\n\n{JUDGE_NOTE}\n\n{figures_table(rows, digits=2)}"
+
+
+def _figures(maps: Floats, true: Floats, places: NDArray[np.str_]) -> dict[str, float]:
+    figures: dict[str, float] = {}
+    for kind, views in KINDS.items():
+        drawn = distances_by_places(maps[:, views], true[:, views], places, _DRAWS)
+        figures |= {kind: float(drawn.mean()), f"{kind} +-": float(drawn.std())}
+    return figures
+
+
+def _share_nearer(maps: Floats, others: Floats, true: Floats, places: NDArray[np.str_]) -> dict[str, float]:
+    """By KINDS, in which share of draws of places maps are nearer to true panoramas than others are."""
+    shares: dict[str, float] = {}
+    for kind, views in KINDS.items():
+        ours, theirs = (distances_by_places(m[:, views], true[:, views], places, _DRAWS) for m in (maps, others))
+        shares |= {kind: float(np.mean(ours < theirs)), f"{kind} +-": float("nan")}
+    return shares
