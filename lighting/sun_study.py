@@ -126,7 +126,7 @@ def write_sun_study(
     write_scene(estimate.make_scene(options), "usd", stage, overwrite=overwrite)
     for hour in study.hours:
         shown = estimate.replace(lighting=hour.lighting)
-        shown.render(options).write(target / hour.map_name, consume=True)
+        shown.render(options).write(target / hour.map_name)
         sky = shown.render(replace(options, disc=False))
         _write_bytes(stage / hour.map_name, encode_envmap(sky.image, sky.lighting, DEFAULT_FILE, probe=sky.probe))
     for file, text in animate_usd_sun(study.path).items():
@@ -199,6 +199,7 @@ def _at_time(light: Lighting, local: datetime) -> Lighting:
         light,
         radius_50=round((light.camera_heading_radius_50 or 0.0) * across, 2),
         radius_90=round((light.camera_heading_radius_90 or 0.0) * across, 2),
+        sun_candidates=(),
         utc_time=local.astimezone(UTC),
         utc_offset=offset / timedelta(hours=1),
         time_source="user",

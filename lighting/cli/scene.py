@@ -53,14 +53,17 @@ def _tool_options() -> list[click.Option]:
     cls=_SceneCommand,
     epilog="""
     lighting scene photo.jpg --for blender              # photo-blender/ beside it
-    lighting scene photo.jpg --for usd -o shot --sun -60,30 --haze 6
+    lighting scene photo.jpg --for page -o sent.html    # one file, for any browser
     lighting scene *.jpg --for blender -o scenes/       # a folder for each photo
     """,
 )
 @click.option(
     "--for", "tool", required=True, type=common.RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."
 )
-@common.folder_output("PHOTO-TOOL", "Must be new or empty without --overwrite. Several photos get a folder each in it.")
+@common.folder_output(
+    "PHOTO-TOOL",
+    "Must be new or empty without --overwrite. Several photos get a folder each in it. --for page may write FILE.html.",
+)
 @click.option(
     "--lighting",
     "record",
@@ -80,19 +83,42 @@ def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str |
     stated = {name: value for name, value in of_tool.items() if value is not None}
     options = _SceneOptions(tool, record, stated)
     _check(chosen, options)
-    folders = _choose_folders(chosen, options)
+    is_file = _is_file(chosen, tool)
+    folders = _choose_file(chosen, options) if is_file else _choose_folders(chosen, options)
     stored = console.read_lighting(record) if record else None
 
     def work(number: int, name: str, estimate: "Estimate") -> list[str]:
-        from lighting.scene.writer import write_scene
+        from lighting.scene.writer import encode_scene_file, write_scene
 
         shown = estimate.replace(lighting=stored) if stored else estimate
         scene = shown.make_scene(chosen.view)
-        write_scene(scene, tool, folders[number], overwrite=chosen.overwrite, **stated)
+        if is_file:
+            console.write_bytes(folders[number], encode_scene_file(scene, tool, **stated))
+        else:
+            write_scene(scene, tool, folders[number], overwrite=chosen.overwrite, **stated)
         chosen.print_estimate(name, shown, scene.warnings, {"output": folders[number]})
         return [folders[number]]
 
-    process_photos(ctx, chosen, work, EXPORTERS[tool].opening_command)
+    process_photos(ctx, chosen, work, console.open_command if is_file else EXPORTERS[tool].opening_command)
+
+
+def _is_file(chosen: PhotoOptions, tool: str) -> bool:
+    """Whether -o names a file, of a tool whose scenes are one."""
+    first, *others = EXPORTERS[tool].files
+    output = chosen.output or ""
+    return not others and output.lower().endswith(Path(first).suffix) and not Path(output).is_dir()
+
+
+def _choose_file(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
+    """The file of the only photo's scene, before any work."""
+    output = chosen.output
+    assert output is not None
+    if len(chosen.photos) > 1:
+        raise click.UsageError("Several photos need a folder: -o FOLDER/.")
+    console.check_file(output, (Path(EXPORTERS[options.tool].files[0]).suffix,))
+    console.check_apart([name for name in (*chosen.photos, options.record, chosen.model) if name], [output])
+    console.check_absent([output], overwrite=chosen.overwrite)
+    return [output]
 
 
 def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:

@@ -107,6 +107,12 @@
     return new THREE.Group().add(ball, stick);
   }
 
+  // As tall as the placeholder's stick.
+  function teapot() {
+    const material = new THREE.MeshPhysicalMaterial({ color: 0xb3262e, roughness: 0.45, clearcoat: 1, clearcoatRoughness: 0.06 });
+    return new THREE.Mesh(new THREE.TeapotGeometry(data.stickHeight / 2, 20), material);
+  }
+
   // Puts another object on the spot; it keeps its own size and its lowest point touches the ground.
   function show(child) {
     object.clear();
@@ -168,6 +174,10 @@
     renderer.setPixelRatio(devicePixelRatio);
     renderer.setSize(Math.round(data.width * scale), Math.round(data.height * scale));
     renderer.getDrawingBufferSize(resolution);
+    render();
+  }
+
+  function render() {
     camera.updateMatrixWorld();
     shine();
     aim();
@@ -182,7 +192,7 @@
     ray.setFromCamera(new THREE.Vector2(x, y), camera);
     const [hit] = ray.intersectObject(ground);
     if (hit) object.position.copy(hit.point);
-    draw();
+    render();
   }
 
   async function openFile(event) {
@@ -202,7 +212,8 @@
   addEventListener("dragover", (event) => event.preventDefault());
   addEventListener("drop", openFile);
   renderer.domElement.addEventListener("click", moveTo);
+  renderer.domElement.addEventListener("pointermove", (event) => event.buttons && moveTo(event));
   document.getElementById("note").hidden = location.hash === "#plain";
-  show(placeholder());
+  show(data.object === "teapot" ? teapot() : placeholder());
   window.lightingScene = { scene, camera, renderer, sun, ground, object, show, draw };
 })();

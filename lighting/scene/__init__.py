@@ -101,6 +101,11 @@ EXPORTERS: dict[str, Exporter] = {
         files=("scene.html",),
         opened_by="open {file} in a browser",
     ),
+    "page": Exporter(
+        _import_function("lighting.scene.threejs", "write_page"),
+        files=("page.html",),
+        opened_by="open {file} in any browser, or send it",
+    ),
     "godot": Exporter(
         _import_function("lighting.scene.godot", "write_godot"),
         files=(

@@ -1,15 +1,24 @@
 """A scene as one HTML page that needs neither server nor network: it contains three.js, the plate and the map.
 
+PAGE is for whoever puts an object in. SENT_PAGE is for whoever is sent it: a teapot to drag, in a file for mails and
+phones. Both are the same page, `lighting/data/viewer.js`.
+
 three.js knows no size of a directional light: the sun's colour and irradiance are right, its shadow's edge is as sharp
 as the shadow map. Its lat-long maps have +X at the centre, so the map is turned by a quarter.
 """
 
 import json
 from base64 import b64encode
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from lighting.color import color_and_intensity
+from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
-from lighting.files import FileOptions, encode_envmap
+from lighting.files import FileOptions, encode_envmap, encode_jpeg
 from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import (
@@ -21,8 +30,11 @@ from lighting.scene.writer import (
     read_data_text,
 )
 
-PAGE = "scene.html"
+PAGE, SENT_PAGE = "scene.html", "page.html"
+MAX_SENT_BYTES = 6_000_000  # of SENT_PAGE
 
+_MAP_HEIGHT = 256  # rows of its map, at most
+_SIZES = [(side, quality) for side in (2048, 1536, 1024) for quality in (90, 75, 60)]  # of its plate, until it fits
 _YAW = -90.0  # deg, turns the map so that three.js finds -Z where our maps have it
 
 
@@ -33,12 +45,44 @@ def write_threejs(scene: Scene, folder: Folder) -> None:
         scene: made by `make_scene`.
         folder: where the files go.
     """
+    note = "Drop a .glb file to see it in this light; click on the ground to move it."
+    (folder / PAGE).write_text(_fill_page(_description(scene), note), encoding="utf-8")
+
+
+def write_page(scene: Scene, folder: Folder) -> None:
+    """Write SENT_PAGE, whose plate is a JPEG as good as MAX_SENT_BYTES allow.
+
+    Args:
+        scene: made by `make_scene`.
+        folder: where the file goes.
+    """
+    rows = min(_MAP_HEIGHT, len(scene.environment))
+    light = replace(scene, environment=shrink_envmap(scene.environment, rows))
+    numbers = _description(light) | {"object": "teapot"}
+    for side, quality in _SIZES:
+        page = _fill_page(
+            numbers | {"plate": _jpeg_url(scene.plate, side, quality)}, "Drag the teapot, or tap the ground."
+        )
+        if len(page.encode()) <= MAX_SENT_BYTES:
+            break
+    (folder / SENT_PAGE).write_text(page, encoding="utf-8")
+
+
+def _jpeg_url(plate: NDArray[np.uint8], side: int, quality: int) -> str:
+    """A plate (h, w, 3) of at most so many pixels along its longer side."""
+    picture = Image.fromarray(plate)
+    picture.thumbnail((side, side), Image.Resampling.LANCZOS)
+    return "data:image/jpeg;base64," + b64encode(encode_jpeg(np.asarray(picture), quality)).decode()
+
+
+def _fill_page(numbers: Json, note: str) -> str:
     parts = {
-        "scene": json.dumps(_description(scene)).replace("<", "\\u003c"),  # no text in it ends the script
+        "note": note,
+        "scene": json.dumps(numbers).replace("<", "\\u003c"),  # no text in it ends the script
         "three": read_data_text("three.min.js"),
         "viewer": read_data_text("viewer.js"),
     }
-    (folder / PAGE).write_text(fill_template("viewer.html", parts), encoding="utf-8")
+    return fill_template("viewer.html", parts)
 
 
 def _description(scene: Scene) -> Json:

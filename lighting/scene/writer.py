@@ -78,6 +78,24 @@ def write_scene(
         raise SceneError(f"{target} cannot be written: {error.strerror or error}.") from error
 
 
+def encode_scene_file(scene: Scene, tool: str, **options: Any) -> bytes:
+    """Return the file of a tool whose scenes are one.
+
+    Args:
+        scene: made by `make_scene`.
+        tool: its name in EXPORTERS.
+        options: go to the tool's `write`.
+
+    Raises:
+        SceneError: the tool or the scene is none.
+    """
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        _write(scene, tool, _Archive(archive), options)
+        (name,) = archive.namelist()
+        return archive.read(name)
+
+
 def zip_scene(scene: Scene, tool: str, **options: Any) -> bytes:
     """The same files as a ZIP archive, made in memory; without the .blend file, which needs a disk.
 

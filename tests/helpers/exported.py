@@ -146,7 +146,8 @@ def _read_gltf(folder: Path) -> ExportedScene:
 
 
 def _read_threejs(folder: Path) -> ExportedScene:
-    page = (folder / "scene.html").read_text(encoding="utf-8")
+    (file,) = folder.glob("*.html")
+    page = file.read_text(encoding="utf-8")
     match = re.search(r'<script id="scene" type="application/json">(.*?)</script>', page, re.DOTALL)
     assert match
     numbers = json.loads(match[1])
@@ -292,7 +293,7 @@ READERS: dict[str, Callable[[Path], ExportedScene]] = {
     "blender": _read_blender,
     "usd": _read_usd,
     **dict.fromkeys(("gltf", "filament", "cubemap"), _read_gltf),
-    "threejs": _read_threejs,
+    **dict.fromkeys(("threejs", "page"), _read_threejs),
     "godot": _read_godot,
     "unreal": _read_unreal,
     "unity": _read_unity,

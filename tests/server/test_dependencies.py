@@ -9,6 +9,7 @@ from typing import Any
 import anyio
 import numpy as np
 import pytest
+from fastapi import FastAPI
 from numpy.typing import NDArray
 from prometheus_client import generate_latest
 from starlette.testclient import TestClient
@@ -33,6 +34,12 @@ from tests.server.conftest import Client, client_of, jpeg_headers, sample, toget
 pytestmark = pytest.mark.needs("cv2")
 FOV = 50.0
 ALONE = "It overlaps no other photo"
+
+
+@pytest.fixture
+def app(estimator: Estimator) -> FastAPI:
+    """A service that has time, however slow this machine is."""
+    return create_app(Settings(match_seconds=300), estimator)
 
 
 def view(azimuth: float, seed: int = 0) -> bytes:

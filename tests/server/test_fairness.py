@@ -129,7 +129,7 @@ def test_silent_connections_leave_room_and_the_log_alone(network: Path) -> None:
             if number % 100 == 99:
                 began = time.monotonic()
                 assert server.request("GET", "/livez", source=INNOCENT)[0] == 200
-                assert time.monotonic() - began < 10
+                assert time.monotonic() - began < 30
         ask_innocently(server)
         assert 100 < server.metric("lighting_connections") < 512
         said = server.log[before:]

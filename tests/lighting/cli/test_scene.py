@@ -163,3 +163,15 @@ def test_a_bad_photo_is_one_sentence(tmp_path: Path, record_path: Path) -> None:
     )
     assert error_of(result).endswith("bad.jpg: This is a text, not a photo.")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_scene_of_one_file_can_have_a_name(photo_path: Path, record_path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "sent.html"
+    arguments: list[str | Path] = ["scene", photo_path, "--for", "page", "--lighting", record_path, "-o", out]
+    assert invoke_command(*arguments).exit_code == 0
+    assert out.read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert "is there already" in error_of(invoke_command(*arguments))
+    assert invoke_command(*arguments, "--overwrite").exit_code == 0
+    assert "folder" in error_of(invoke_command("scene", photo_path, photo_path, "--for", "page", "-o", out), 2)
+    missing = [*arguments[:-1], tmp_path / "none" / "sent.html"]
+    assert "There is no folder" in error_of(invoke_command(*missing), 2)

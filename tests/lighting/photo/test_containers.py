@@ -4,7 +4,6 @@ import struct
 import time
 from collections.abc import Mapping
 from io import BytesIO
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -269,9 +268,9 @@ def test_many_large_directories_take_no_time() -> None:
     """2 directories of 3 million tags, as far as the file tells: only their beginnings are read."""
     head = b"II+\0\x08\0\0\0" + struct.pack("<Q", 16)
     data = head + struct.pack("<Q", 3_000_000) + bytes(20 * 3_000_000) + struct.pack("<Q", 17)
-    begin = perf_counter()
+    begin = time.process_time()
     assert photo_page(data) is None
-    assert perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0
 
 
 def test_one_page_is_as_before() -> None:

@@ -117,7 +117,7 @@ def test_what_takes_too_long_is_stopped_and_the_next_photo_is_read(decoder: _Dec
     began = time.monotonic()
     with pytest.raises(PhotoTooLargeError, match=r"longer than 0\.01 seconds to decode"):
         decoder.read(request(LARGE, seconds=0.01), LARGE)
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 30
     assert decoder.read(request(GOOD), GOOD).width == 640
     assert decoder.pid != before
 

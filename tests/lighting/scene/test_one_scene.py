@@ -32,6 +32,7 @@ mi: Any = mitsuba_renderer
 # The height [m] of each photo's camera; the last has its spot in shade.
 HEIGHTS = {"garden_noon": 1.6, "snow_field": 3.0, "lake_clouds": 1.6}
 UP = np.array([0.0, 1.0, 0.0])
+PAGES = ("threejs", "page")
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +76,7 @@ def test_every_tool_has_the_scene(exported: ExportedScene, scene: Scene, tool: s
     tips = [s.spot - s.sun_direction * height / s.sun_direction[1] for s in (exported, scene)]
     assert tips[0] == pytest.approx(tips[1], abs=0.002)
     # The shade rule.
-    if tool != "threejs":  # whose page follows it itself, wherever the object stands
+    if tool not in PAGES:  # whose page follows it itself, wherever the object stands
         assert exported.sun_reaches_object is not scene.spot_in_shade
     assert exported.sun_irradiance == pytest.approx(scene.sun_irradiance, rel=0.01)
     # The light on open ground, and on walls to either side and behind the object.
@@ -97,7 +98,7 @@ def test_every_tool_has_the_same_mask_of_lit_ground(exported: ExportedScene, sce
         for count, ours in zip((height, width), receivers.shape, strict=True)
     )
     ours = receivers[np.ix_(rows, columns)]
-    shown = ours >= 0.5 if tool == "threejs" or not scene.spot_in_shade else np.zeros_like(ours, bool)
+    shown = ours >= 0.5 if tool in PAGES or not scene.spot_in_shade else np.zeros_like(ours, bool)
     assert (exported.lit_ground == shown).mean() > 0.97  # but at the edges of shade
 
 

@@ -300,3 +300,38 @@ def test_the_notice_of_three_js_is_kept() -> None:
     library = resources.files("lighting") / "data" / "three.min.js"
     assert "SPDX-License-Identifier: MIT" in library.read_text(encoding="utf-8")
     assert "three.js authors" in Path("NOTICE").read_text(encoding="utf-8")
+
+
+def test_the_page_to_send_is_small_whatever_the_photo(tmp_path: Path) -> None:
+    """Noise is what JPEG packs worst."""
+    noise = np.random.default_rng(1).integers(0, 256, (2160, 3840, 3), np.uint8)
+    scene = replace(sunlit_scene(), plate=noise)
+    threejs.write_page(scene, tmp_path)
+    page = (tmp_path / threejs.SENT_PAGE).read_bytes()
+    assert len(page) <= threejs.MAX_SENT_BYTES
+    assert not re.search(rb'(?:src|href)\s*=\s*"?https?:', page)
+    assert description(page.decode())["plate"].startswith("data:image/jpeg")
+
+
+@pytest.mark.slow
+def test_the_teapot_of_the_page_to_send_follows_the_finger(tmp_path: Path) -> None:
+    scene = sunlit_scene()
+    threejs.write_page(scene, tmp_path)
+    moves = """
+      const { renderer } = lightingScene;
+      drawn("first");
+      const { left, top, width, height } = renderer.domElement.getBoundingClientRect();
+      const at = { clientX: left + width * 0.2, clientY: top + height * 0.85, bubbles: true };
+      renderer.domElement.dispatchEvent(new PointerEvent("pointermove", { ...at, buttons: 0 }));
+      drawn("hovered");
+      renderer.domElement.dispatchEvent(new PointerEvent("pointermove", { ...at, buttons: 1 }));
+      drawn("dragged");
+    """
+    drawn = drawings(tmp_path / threejs.SENT_PAGE, moves, scene.width, scene.height)
+    centers = {}
+    for name, picture in drawn.items():
+        red = picture[..., 0].astype(int) - picture[..., 1:].max(axis=-1) > 60
+        assert red.sum() > 200, name
+        centers[name] = np.nonzero(red)[1].mean() / scene.width
+    assert centers["first"] == centers["hovered"]
+    assert centers["dragged"] == pytest.approx(0.2, abs=0.08)
