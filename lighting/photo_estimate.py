@@ -234,7 +234,7 @@ class Estimate(EstimatedLight):
 
         options.refuse("a preview", "yaw")
         pixels = self.photo.reread(PHOTO_SIDE).pixels
-        context, views = self.context(options.around, pixels), []
+        context, views = self.context(options, pixels), []
         with trace_step("map"), ONE_BLAS_THREAD:
             for number in range(1, max(len(self.lighting.sun_candidates), 1) + 1):
                 adjustments = dataclasses.replace(options.adjustments, pick=number)

@@ -21,7 +21,7 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "docs/learn/web-page.md": 600,
     "docs/learn/python.md": 500,
     "docs/learn/train.md": 500,
-    "docs/do/correct-the-sun.md": 620,
+    "docs/do/correct-the-sun.md": 630,
     "docs/do/engines.md": 600,
     "docs/do/other-programs.md": 400,
     "docs/do/blender-extension.md": 250,
@@ -41,7 +41,7 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "lighting/data/MODEL_CARD.md": 600,
     "export/README.md": 750,
 }
-MOST_WORDS = 10210  # of all of them but `export/README.md`, which is no page of the book
+MOST_WORDS = 10220  # of all of them but `export/README.md`, which is no page of the book
 BESIDE = ("SECURITY.md", "CONTRIBUTING.md", "examples/CREDITS.md")  # pages without a budget, whose sentences are short
 MEAN_SENTENCE, LONGEST_SENTENCE = 15, 30  # words
 _FIGURES = {

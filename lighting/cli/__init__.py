@@ -52,7 +52,7 @@ _SECTIONS = {  # of a long help, in this order, as are the options in each; othe
         "--require",
         "-h",
     ),
-    "Light": ("--sun", "--pick", "--exposure", "--haze", "--overcast", "--no-sun"),
+    "Light": ("--sun", "--exposure", "--haze", "--overcast", "--no-sun", "--pick"),
     "Place": ("--time", "--utc-offset", "--latitude", "--longitude", "--heading", "--keep-location"),
     "Photo": (
         *("--shadow", "--horizon", "--vertical", "--camera", "--vertical-fov"),

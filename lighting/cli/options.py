@@ -430,7 +430,7 @@ strict_option = click.option(
     "--strict", is_flag=True, help="Exit with status 3 if a photo is probably not an outdoor daylight photo."
 )
 require_option = click.option(
-    "--require", type=click.Choice(["sure"]), help="Exit with status 4 if an answer is unsure, or finds no sun."
+    "--require", type=click.Choice(["sure"]), help="Exit with status 4 if an answer is not sure."
 )
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 silent_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")

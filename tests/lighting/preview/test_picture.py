@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.envmap.render import render
+from lighting.errors import ParameterError
+from lighting.estimator import Estimator
 from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, Pinhole, angle_between, camera_pixel, direction
-from lighting.photo.reader import Photo
+from lighting.map_options import MapOptions
+from lighting.model import Model
+from lighting.photo.reader import Photo, photo_from_array
 from lighting.photo_estimate import Estimate
 from lighting.preview import picture as module
 from lighting.preview.drawing import BACKGROUND, MUTED, TEXT, TextStyle, text_width
@@ -41,6 +46,7 @@ from lighting.preview.picture import (
 )
 from lighting.records import EvidenceKind, Lighting
 from lighting.sun_grid import grid_directions, soft_label
+from tests.conftest import scene
 from tests.helpers.scenes import GRAY, GRID, Bytes, amber, distribution, estimate, outdoors, photo, small_map
 
 
@@ -400,3 +406,15 @@ def test_the_shares_of_regions_do_not_cover_each_other(
     _draw_regions(Image.new("RGB", (480, 480)), lighting, lambda directions: _on_dome(directions, 480, 196))
     across, down = np.abs(written["50 %"] - written["90 %"])
     assert across >= text_width("90 %", 15) or down >= 15
+
+
+def test_each_of_the_suns_has_its_panel(network: Path) -> None:
+    answer = Estimator(Model.load(network))(photo_from_array(scene(120, 90)))
+    suns = answer.lighting.sun_candidates
+    assert len(suns) > 1
+    picture = np.asarray(answer.preview_candidates(MapOptions(64)))
+    assert picture.shape[1] == WIDTH
+    panels = np.array_split(picture[:, 40:-40], len(suns), axis=1)
+    assert not np.array_equal(panels[0][..., :400, :], panels[1][..., :400, :])
+    with pytest.raises(ParameterError, match="pick"):
+        answer.replace(sun=(10.0, 20.0)).preview_candidates(MapOptions(64))
