@@ -177,6 +177,8 @@ CAMERAS = {
     "canon": {"major_brand": "mp42", "compatible_brands": "isomCAEPavc1mp41"},
     "nikon": {"major_brand": "niko"},
     "pentax": {"make": "PENTAX"},
+    "insta360": {"make": "Arashi Vision"},
+    "dji-osmo": {"encoder": "DJI OsmoPocket3"},
 }
 EVENING = datetime(2024, 6, 1, 16, 49, tzinfo=UTC)  # when the sun is 20.1 deg high in Munich
 
