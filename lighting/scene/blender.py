@@ -51,10 +51,11 @@ def write_blender(scene: records.Scene, folder: Folder, *, blend: bool = False) 
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
     (folder / SCRIPT).write_text(read_data_text("blender_scene.py"), encoding="utf-8")
-    if blend and not isinstance(folder, Path):
+    if not blend:
+        return
+    if not isinstance(folder, Path):
         raise SceneError(f"{FILE} needs a folder on a disk.", "blend", ErrorCode.CONTRADICTION)
-    if blend:
-        _save(folder)
+    _save(folder)
 
 
 def find_blender() -> list[str] | None:
