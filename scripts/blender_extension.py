@@ -1,11 +1,15 @@
 """Build the Blender extension: python -m scripts.blender_extension [-o light_from_photo.zip]
 
+It then finds the command `lighting` of the environment that built it; a release's does not know one.
+
 The zip holds blender/light_from_photo and, copied here so that they exist once, the script that builds scenes in
 Blender and the parts of `lighting` that paint a sky, their imports made relative as Blender's rules want it.
 """
 
 import argparse
 import re
+import shutil
+import sys
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
@@ -24,13 +28,15 @@ def main() -> None:
     """Build and say where."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("-o", "--output", type=Path, default=Path("light_from_photo.zip"))
-    print(build(parser.parse_args().output))
+    beside = shutil.which("lighting", path=str(Path(sys.executable).parent))
+    print(build(parser.parse_args().output, beside))
 
 
-def build(target: Path) -> Path:
-    """Write the zip; returns its path."""
+def build(target: Path, command: str | None = None) -> Path:
+    """Write the zip, in it the path of a command that estimates; returns its own path."""
+    own = [("command.txt", f"{command}\n".encode())] if command else []
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in sorted(members()):
+        for name, data in sorted([*members(), *own]):
             info = zipfile.ZipInfo(name, _EPOCH)
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(info, data)

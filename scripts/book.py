@@ -23,7 +23,7 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "docs/learn/train.md": 500,
     "docs/do/correct-the-sun.md": 630,
     "docs/do/engines.md": 600,
-    "docs/do/other-programs.md": 400,
+    "docs/do/other-programs.md": 515,
     "docs/do/blender-extension.md": 250,
     "docs/do/assistants.md": 250,
     "docs/do/sun-study.md": 230,
@@ -41,7 +41,11 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "lighting/data/MODEL_CARD.md": 600,
     "export/README.md": 750,
 }
+<<<<<<< HEAD
 MOST_WORDS = 10220  # of all of them but `export/README.md`, which is no page of the book
+=======
+MOST_WORDS = 10150  # of all of them but `export/README.md`, which is no page of the book
+>>>>>>> main
 BESIDE = ("SECURITY.md", "CONTRIBUTING.md", "examples/CREDITS.md")  # pages without a budget, whose sentences are short
 MEAN_SENTENCE, LONGEST_SENTENCE = 15, 30  # words
 _FIGURES = {

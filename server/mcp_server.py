@@ -64,6 +64,7 @@ _TOOL_OPTIONS = "; ".join(
     f"{name}, with {tool}: {' or '.join(option.choices)}"
     for tool, entry in EXPORTERS.items()
     for name, option in entry.options.items()
+    if option.choices
 )
 _T = TypeVar("_T")
 

@@ -371,6 +371,7 @@ def _create_tool_options_query() -> Any:
         name: (Annotated[str, RegistryName(option.choices)], Field(option.default, description=f"with `for={tool}`"))
         for tool, entry in EXPORTERS.items()
         for name, option in entry.options.items()
+        if option.choices
     }
     return create_model("_ToolOptionsQuery", __base__=_ToolQuery, **fields)
 
@@ -394,7 +395,9 @@ class SceneQuery(ViewQuery, _ToolOptionsQuery):
 
     def options(self) -> Mapping[str, str]:
         """The options of the tool's writer."""
-        return self.model_dump(include=set(EXPORTERS[self.tool].options))
+        return self.model_dump(
+            include={name for name, option in EXPORTERS[self.tool].options.items() if option.choices}
+        )
 
 
 class PhotoSceneQuery(PhotoEditQuery, SceneQuery):

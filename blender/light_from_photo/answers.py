@@ -33,15 +33,50 @@ _NO_ADDRESS = "The service's address is not one such as http://127.0.0.1:8000."
 _OF_THIS_PYTHON = ("PYTHONHOME", "PYTHONPATH")  # Blender's, which would mislead another
 
 
+_BUILT_BY = Path(__file__).with_name("command.txt")  # the command beside the Python that built this extension
+_USUAL = (  # where installers put commands that no desktop's PATH has
+    "~/.local/bin/lighting",
+    "/opt/homebrew/bin/lighting",
+    "/usr/local/bin/lighting",
+    "~/.local/bin/lighting.exe",
+)
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
 class AnswerError(Exception):
     """No scene came; the text is a sentence for the user."""
 
 
+class NoCommandError(AnswerError):
+    """The command is nowhere."""
+
+
+def find_command(command: str) -> str | None:
+    """The path of the command: as it was set, else what built this extension, else where installers put it."""
+    names = [command]
+    if command == "lighting":
+        names += [_BUILT_BY.read_text(encoding="utf-8").strip()] if _BUILT_BY.is_file() else []
+        names += _USUAL
+    return next(filter(None, (shutil.which(os.path.expanduser(name)) for name in names)), None)  # noqa: PTH111
+
+
+def is_serving_here(address: str) -> bool:
+    """Whether a service answers at an address, which must be of this computer: nobody chose to send the photo."""
+    base_url = address.strip().rstrip("/")
+    try:
+        if _host(base_url) not in _LOOPBACK:
+            return False
+        with urllib.request.build_opener(_Stay).open(f"{base_url}/readyz", timeout=1) as answer:
+            return bool(answer.status == 200)
+    except (AnswerError, OSError, ValueError, http.client.HTTPException):
+        return False
+
+
 def from_command(command: str, photo: Path, folder: Path) -> None:
     """Have the command write the scene into a folder; raises AnswerError."""
-    program = shutil.which(os.path.expanduser(command))  # noqa: PTH111  # a name on the PATH is no path
+    program = find_command(command)
     if program is None:
-        raise AnswerError(f"There is no command {command!r}; give its whole path in the preferences.")
+        raise NoCommandError(f"There is no command {command!r}; give its whole path in the preferences.")
     environment = {name: value for name, value in os.environ.items() if name not in _OF_THIS_PYTHON}
     arguments = [program, "scene", str(photo), "--for", "blender", "-o", str(folder), "--quiet"]
     try:

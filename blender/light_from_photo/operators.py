@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
-from .answers import PHOTOS, AnswerError, from_command, from_service
+from .answers import PHOTOS, AnswerError, NoCommandError, from_command, from_service, is_serving_here
 from .furnish import furnish, other_lights, spot_is_in_shade, spot_is_in_view
 from .preferences import preferences
 from .sliders import reset
@@ -54,7 +54,12 @@ class LIGHTFROMPHOTO_OT_estimate(bpy.types.Operator, ImportHelper):
 def _ask(photo: Path, folder: Path) -> None:
     chosen = preferences()
     if chosen.source == "COMMAND":
-        from_command(chosen.command, photo, folder)
+        try:
+            from_command(chosen.command, photo, folder)
+        except NoCommandError:
+            if not (bpy.app.online_access and is_serving_here(chosen.address)):
+                raise
+            from_service(chosen.address, chosen.key, photo, folder)
     elif not bpy.app.online_access:
         raise AnswerError("A service needs online access: Preferences, System, Network, Allow Online Access.")
     else:

@@ -1,6 +1,7 @@
-"""A node for ComfyUI: a photo in; its HDR map, sun, and the mask of where the sun reaches the ground out.
+"""Nodes for ComfyUI: a photo in; its HDR map, sun, camera, and the mask of where the sun reaches the ground out.
 
-Install outdoor-lighting into ComfyUI's Python, and copy this folder into ComfyUI's `custom_nodes`.
+Install outdoor-lighting into ComfyUI's Python, and copy this folder into ComfyUI's `custom_nodes`. Then open
+`example_workflows/photo_light.json`, which ComfyUI lists among its templates.
 """
 
 import json
@@ -10,6 +11,8 @@ import torch
 from comfy_api.latest import ComfyExtension, io
 
 from lighting.estimator import estimate
+from lighting.geometry import Pinhole
+from lighting.records import Lighting
 from lighting.scene.records import make_scene
 
 
@@ -53,11 +56,50 @@ class PhotoLight(io.ComfyNode):
         )
 
 
+class PhotoCamera(io.ComfyNode):
+    """The camera of a record, for nodes that want a lens: MoGe takes `fov x`, others the intrinsics."""
+
+    @classmethod
+    def define_schema(cls) -> io.Schema:
+        return io.Schema(
+            node_id="OutdoorLightingPhotoCamera",
+            display_name="Camera of an outdoor photo",
+            category="image/lighting",
+            description="Lens and tilt of the camera, from the record of the photo's light.",
+            inputs=[
+                io.Image.Input("photo", tooltip="The same as the record's; its size counts."),
+                io.String.Input("record", force_input=True, tooltip="Of `Light of an outdoor photo`."),
+            ],
+            outputs=[
+                io.Float.Output("fov_x", display_name="fov x", tooltip="Degrees, from the left edge to the right."),
+                io.Float.Output("fov_y", display_name="fov y", tooltip="Degrees, from the upper edge to the lower."),
+                io.Float.Output("elevation", tooltip="Degrees, positive where the camera looks up."),
+                io.Float.Output("roll", tooltip="Degrees, positive where the camera is turned clockwise."),
+                io.String.Output("camera", display_name="JSON camera", tooltip="Intrinsics and up, in OpenCV's axes."),
+            ],
+        )
+
+    @classmethod
+    def execute(cls, photo: torch.Tensor, record: str) -> io.NodeOutput:
+        light = Lighting.from_dict(json.loads(record))
+        height, width = photo.shape[1:3]
+        camera = Pinhole(width, height, light.vertical_fov, 0.0, light.camera_elevation, light.camera_roll)
+        right, up, forward = camera.axes[:, 1].tolist()  # of the camera's axes, how far they point up
+        focal = camera.focal_length
+        values = {
+            "intrinsics": [[focal / width, 0.0, 0.5], [0.0, focal / height, 0.5], [0.0, 0.0, 1.0]],  # of a unit picture
+            "focal_length_pixels": focal,
+            "up": [right, -up, forward],  # x to the right, y down, z ahead
+        }
+        fov_x = float(np.degrees(2 * np.arctan(width / 2 / focal)))
+        return io.NodeOutput(fov_x, light.vertical_fov, light.camera_elevation, light.camera_roll, json.dumps(values))
+
+
 class OutdoorLighting(ComfyExtension):
     """What ComfyUI loads."""
 
     async def get_node_list(self) -> list[type[io.ComfyNode]]:
-        return [PhotoLight]
+        return [PhotoLight, PhotoCamera]
 
 
 async def comfy_entrypoint() -> OutdoorLighting:

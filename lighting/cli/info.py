@@ -4,7 +4,6 @@ import csv
 import hashlib
 import json
 import platform
-import shutil
 import subprocess
 import sys
 from base64 import urlsafe_b64encode
@@ -173,12 +172,7 @@ _EXTRAS = (  # what is optional: the module, what it is for, and how it is insta
     ("mcp", "MCP", "assistants, by `lighting mcp`", install_command("mcp")),
     ("ray", "Ray", "batches on several machines", install_command("ray")),
     ("torch", "PyTorch", "training", install_command("train")),
-    ("bpy", "bpy", ".blend files", "pip install bpy"),
-)
-_BLENDERS = (  # where Blender lies that is in no search path
-    "/Applications/Blender.app/Contents/MacOS/Blender",
-    "/snap/bin/blender",
-    *(f"C:/Program Files/Blender Foundation/Blender {version}/blender.exe" for version in ("5.1", "5.0", "4.5", "4.2")),
+    ("bpy", "bpy", "`scene --blend` without Blender", "pip install bpy"),
 )
 _SECONDS = 20.0  # that Blender may take to say its version
 
@@ -322,9 +316,11 @@ def _find_pages() -> Iterator[_Finding]:
 
 
 def _find_blender() -> _Finding:
-    program = shutil.which("blender") or next((name for name in _BLENDERS if Path(name).is_file()), None)
+    from lighting.scene.blender import find_blender_program
+
+    program = find_blender_program()
     if program is None:
-        return _Finding("Blender", False, "not found; get it from blender.org to open scenes for it")
+        return _Finding("Blender", False, "not found; get it from blender.org to open scenes, and for `scene --blend`")
     try:
         told = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=_SECONDS, check=False)
     except (OSError, subprocess.SubprocessError) as error:

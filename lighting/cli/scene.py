@@ -16,6 +16,7 @@ from lighting.scene import EXPORTERS, unsupported_options
 
 if TYPE_CHECKING:
     from lighting.photo_estimate import Estimate
+    from lighting.scene import _ExporterOption
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class _SceneOptions:
 
     tool: str
     record: str | None  # the name of a file, or "-"
-    of_tool: dict[str, str]  # options of the tools that the user stated
+    of_tool: dict[str, Any]  # options of the tools that the user stated
 
 
 class _SceneCommand(Command):
@@ -38,14 +39,16 @@ class _SceneCommand(Command):
 
 def _tool_options() -> list[click.Option]:
     return [
-        click.Option(
-            [f"--{name.replace('_', '-')}"],
-            type=click.Choice(option.choices, case_sensitive=False),
-            help=f"With --for {tool}; {option.default} by default.",
-        )
-        for tool, entry in EXPORTERS.items()
-        for name, option in entry.options.items()
+        _tool_option(tool, name, option) for tool, entry in EXPORTERS.items() for name, option in entry.options.items()
     ]
+
+
+def _tool_option(tool: str, name: str, option: "_ExporterOption") -> click.Option:
+    names = [f"--{name.replace('_', '-')}"]
+    if not option.choices:
+        return click.Option(names, is_flag=True, default=None, help=f"With --for {tool}: {option.help}.")
+    kind = click.Choice(option.choices, case_sensitive=False)
+    return click.Option(names, type=kind, help=f"With --for {tool}; {option.default} by default.")
 
 
 @cli.command(
@@ -99,7 +102,12 @@ def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str |
         chosen.print_estimate(name, shown, scene.warnings, {"output": folders[number]})
         return [folders[number]]
 
-    process_photos(ctx, chosen, work, console.open_command if is_file else EXPORTERS[tool].opening_command)
+    def how_to_open(name: str) -> str | None:
+        if stated.get("blend"):
+            return console.open_command(str(Path(name, "scene.blend")))
+        return console.open_command(name) if is_file else EXPORTERS[tool].opening_command(name)
+
+    process_photos(ctx, chosen, work, how_to_open)
 
 
 def _is_file(chosen: PhotoOptions, tool: str) -> bool:

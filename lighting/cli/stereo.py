@@ -15,7 +15,6 @@ from lighting.cli.console import escape_path, write_bytes
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import escape_undecodable, output_folder_error
-from lighting.files.deflate import encode_png
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
@@ -147,6 +146,7 @@ def _progress(quiet: bool, stderr: TextIO) -> "DayProgress":
 
 
 def _draw(output: str, skies: "PlanSkies", plan: "Plan") -> None:
+    from lighting.files.deflate import encode_png
     from lighting.stereo.planner import draw_plan, plan_conditions, plan_title
 
     headline = f"When to photograph: {plan_title(skies, plan)}"

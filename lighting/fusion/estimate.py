@@ -100,7 +100,7 @@ def refine_prediction(prediction: Prediction, photo: Photo, user_input: UserInpu
     if photo.is_collage or (user_input.metadata and photo.metadata.is_panorama):
         return PhotoPrediction(_as_unsuitable(prediction), metadata, warnings)
     lens = merge_user_input(metadata, user_input).vertical_fov
-    return PhotoPrediction(screen_prediction(prediction, photo.pixels, lens), metadata, warnings)
+    return PhotoPrediction(_refine_view(prediction, photo.pixels, lens), metadata, warnings)
 
 
 def _check_metadata(
@@ -129,7 +129,14 @@ def screen_prediction(
         pixels: (h, w, 3) sRGB.
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
-    if is_blank(pixels) or is_panorama(pixels) or is_false_color(pixels):
+    if is_false_color(pixels):
+        return _as_unsuitable(prediction)
+    return _refine_view(prediction, pixels, vertical_fov)
+
+
+def _refine_view(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None) -> Prediction:
+    """As `screen_prediction`, of pixels (h, w, 3) that are no false colors."""
+    if is_blank(pixels) or is_panorama(pixels):
         return _as_unsuitable(prediction)
     return refine_camera(prediction, pixels, vertical_fov)
 

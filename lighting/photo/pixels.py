@@ -596,7 +596,8 @@ def is_false_color(pixels: Pixels) -> bool:
     if height * width < 4 * _PALETTE_PARTS:
         return False
     rows = pixels[: height * step, : width * step].reshape(height, step, -1).sum(axis=1, dtype=np.uint32)
-    blocks = rows.reshape(height, width, step, 3).sum(axis=2) / step**2
+    columns = rows.reshape(height, width, step, 3)
+    blocks = sum((columns[:, :, i] for i in range(1, step)), columns[:, :, 0]) / step**2  # along a short axis
     red, green, blue = np.moveaxis(blocks.reshape(-1, 3), 1, 0)
     gray, colors = 0.3 * red + 0.6 * green + 0.1 * blue, np.stack([red - green, 0.5 * (red + green) - blue], axis=1)
     spread = float(np.hypot(*colors.std(axis=0)))

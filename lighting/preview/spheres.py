@@ -48,11 +48,11 @@ PICTURE_WIDTH = 8.6  # at the spheres' distance, in radii
 
 _LOBE_ROWS = 32  # of the blurred map
 _EXCHANGE_ROWS = 24  # of `SphereScene.exchange`, by the direction to a sphere
-_RINGS, _SPOKES = 8, 20  # of rays from a point on the ground to a sphere
+_RINGS, _SPOKES = 5, 12  # of rays from a point on the ground to a sphere
 _NORMAL_ROWS = 12  # of `SphereScene.diffuse_irradiance`, by the normal
 _INCOMING_ROWS = 16  # of the directions from which light comes to the diffuse sphere
-_BOUNCES = 3  # of light between spheres and ground
-_BOUNCES_DIMMED = 2  # where that light is nearly right already
+_BOUNCES = 2  # of light between spheres and ground
+_BOUNCES_DIMMED = 1  # where that light is nearly right already
 _EVEN = 0.005  # difference of square roots of linear values, 1 of 255 levels, up to which one ray a pixel will do
 _EPSILON = 1e-9  # stands for no light
 

@@ -22,10 +22,12 @@ SHARED_FILES = (PLATE, ENVIRONMENT, RECORD, LIT_GROUND, GROUND)  # the same for 
 class _ExporterOption:
     """An option that a tool's writer takes by name."""
 
-    choices: tuple[str, ...]
-    """The values that it takes."""
-    default: str
-    """Its value unless stated."""
+    choices: tuple[str, ...] = ()
+    """The values that it takes. None: it is a switch, of commands and Python alone, for it starts a program."""
+    default: str = ""
+    """Its value unless stated; a switch is off."""
+    help: str = ""
+    """What a switch does."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ EXPORTERS: dict[str, Exporter] = {
     "blender": Exporter(
         _import_function("lighting.scene.blender", "write_blender"),
         files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
+        options={"blend": _ExporterOption(help="have Blender write scene.blend, which a double click opens")},
         animate=_import_function("lighting.scene.blender", "animate_blender"),
         opened_by="blender --python {file}",
     ),

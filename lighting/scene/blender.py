@@ -1,10 +1,11 @@
-"""A scene for Blender: a script that builds it and, if the module bpy is installed, the .blend file.
+"""A scene for Blender: a script that builds it and, if it is asked for, the .blend file.
 
 Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native Sky Texture is
 Blender's Multiple Scattering, from 5.0, or that of Hosek and Wilkie on the record's scale; the map may be of another.
 """
 
 import json
+import shutil
 import subprocess
 import sys
 from importlib.resources import files
@@ -23,22 +24,51 @@ from lighting.scene.writer import Folder, read_data_text, write_shared_files
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
 
+_BLENDERS = (  # where Blender lies that is in no search path
+    "/Applications/Blender.app/Contents/MacOS/Blender",
+    "/snap/bin/blender",
+    *(
+        f"C:/Program Files/Blender Foundation/Blender {version}/blender.exe"
+        for version in ("5.2", "5.1", "5.0", "4.5", "4.2")
+    ),
+)
+_RUN = ("--background", "--factory-startup", "--python-exit-code", "1", "--python")  # a script
 SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
-def write_blender(scene: records.Scene, folder: Folder) -> None:
-    """Write SCRIPT, the NUMBERS that it reads and the shared files; in a folder on disk also FILE where bpy is.
+def write_blender(scene: records.Scene, folder: Folder, *, blend: bool = False) -> None:
+    """Write SCRIPT, the NUMBERS that it reads and the shared files.
 
     Args:
         scene: made by `make_scene`.
         folder: where the files go.
+        blend: have Blender write FILE, too, into a folder on a disk.
+
+    Raises:
+        SceneError: there is no Blender, or it fails.
     """
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
     (folder / SCRIPT).write_text(read_data_text("blender_scene.py"), encoding="utf-8")
-    if isinstance(folder, Path) and find_spec("bpy") is not None:
-        _save(folder)
+    if not blend:
+        return
+    if not isinstance(folder, Path):
+        raise SceneError(f"{FILE} needs a folder on a disk.", "blend", ErrorCode.CONTRADICTION)
+    _save(folder)
+
+
+def find_blender() -> list[str] | None:
+    """Return the command that runs a script in Blender: this Python, if it has bpy, or Blender; None without either."""
+    if find_spec("bpy") is not None:
+        return [sys.executable]
+    program = find_blender_program()
+    return None if program is None else [program, *_RUN]
+
+
+def find_blender_program() -> str | None:
+    """Return the path of Blender; None where it is not found."""
+    return shutil.which("blender") or next((name for name in _BLENDERS if Path(name).is_file()), None)
 
 
 def animate_blender(motion: records.CameraMotion) -> dict[str, str]:
@@ -63,8 +93,11 @@ def animate_blender(motion: records.CameraMotion) -> dict[str, str]:
 
 def _save(folder: Path) -> None:
     """Run the script in a process of its own, since bpy has one open file per process."""
-    command = [sys.executable, SCRIPT, "--save"]
-    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    blender = find_blender()
+    if blender is None:
+        sentence = f"{FILE} needs Blender, from blender.org, or its module: pip install bpy."
+        raise SceneError(sentence, "blend", ErrorCode.MISSING)
+    result = subprocess.run([*blender, SCRIPT, "--", "--save"], cwd=folder, capture_output=True, text=True, check=False)
     if result.returncode or not (folder / FILE).is_file():
         lines = result.stderr.strip().splitlines() or ["no reason given"]
         raise SceneError(f"Blender could not build {FILE}: {lines[-1]}", code=ErrorCode.FAILED)

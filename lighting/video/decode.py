@@ -464,10 +464,13 @@ def _packets(path: Path, kind: str) -> Iterator[Any]:
 
 
 def _subtitle_text(data: bytes, codec: str) -> str:
-    """The text of a packet; that of MP4 has its length before it and may have styles behind it."""
+    """The text of a packet; that of MP4 has its length before it, that of ASS eight fields, and either has styles."""
     if codec == "mov_text":
         data = data[2 : 2 + int.from_bytes(data[:2], "big")]
-    return data.decode("utf-8", errors="replace")
+    text = data.decode("utf-8", errors="replace")
+    if codec in ("ass", "ssa"):
+        text = text.split(",", 8)[-1].replace("\\N", "\n").replace("\\n", "\n")
+    return text
 
 
 def local_address(path: Path) -> str:

@@ -38,7 +38,10 @@ MAX_XML_BYTES = 4_000_000  # of Sony's, which holds what changed from frame to f
 _UTC_PROBABILITY = 0.75  # of a number of which nothing tells who wrote it: phones do it right, most cameras do not
 _UTC_PROBABILITY_OF_CAMERAS = 0.5
 _CAMERA_TAGS = ("major_brand", "compatible_brands", "handler_name", "encoder", "make", "manufacturer", "firmware")
-_CAMERA_MARKS = re.compile(r"(?i)gopro|\bH[D0-9][0-9.]+|CAEP|canon|niko|pentax|ricoh|olympus|panasonic|fujifilm|casio")
+_CAMERA_MARKS = re.compile(
+    r"(?i)gopro|\bH[D0-9][0-9.]+|CAEP|canon|niko|pentax|ricoh|olympus|om digital|panasonic|fujifilm|casio|leica|sigma"
+    r"|insta360|arashi|\bdji|garmin|akaso|sjcam"
+)
 _PHONE_TAGS = ("com.android.", "com.samsung.", "com.google.")  # how the names of tags begin
 _YEAR_OF_ZERO = 1904
 _METADATA_BOXES = (b"meta", b"udta", b"uuid")

@@ -1,10 +1,11 @@
-"""The node for ComfyUI, against a stand-in of the parts of its API that it uses (comfy_api.latest, V3)."""
+"""The nodes for ComfyUI, against a stand-in of the parts of its API that it uses (comfy_api.latest, V3)."""
 
 import asyncio
 import importlib.util
 import json
 import re
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lighting.records import Lighting
+from lighting.version import __version__
 from server.settings import Settings
 from tests.helpers.pages import ROOT, text
 
@@ -22,6 +25,7 @@ OPTIONS = {  # of inputs and outputs, in ComfyUI's comfy_api/latest/_io.py
     "Image": {"display_name", "optional", "tooltip"},
     "Int": {"display_name", "optional", "tooltip", "default", "min", "max", "step"},
     "Boolean": {"display_name", "optional", "tooltip", "default", "label_on", "label_off"},
+    "String": {"display_name", "optional", "tooltip", "default", "multiline", "placeholder", "force_input"},
 }
 OUTPUTS = ("Image", "Mask", "Float", "String")
 
@@ -33,7 +37,7 @@ class _Port:
 
     def __init__(self, id: str, **options: Any) -> None:
         assert set(options) <= self.options, options
-        self.id = id
+        self.id, self.named = id, options
 
 
 class _Node:
@@ -66,6 +70,10 @@ def module(monkeypatch: pytest.MonkeyPatch) -> Any:
     return loaded
 
 
+def nodes_of(module: Any) -> list[Any]:
+    return list(asyncio.run(asyncio.run(module.comfy_entrypoint()).get_node_list()))
+
+
 @pytest.mark.slow
 def test_the_node_gives_map_sun_and_mask(module: Any) -> None:
     import torch
@@ -73,7 +81,7 @@ def test_the_node_gives_map_sun_and_mask(module: Any) -> None:
 
     with Image.open(FOLDER.parent / "wide_street.jpg") as file:
         photo = np.asarray(file.convert("RGB").resize((320, 240)), dtype=np.float32) / 255
-    (node,) = asyncio.run(asyncio.run(module.comfy_entrypoint()).get_node_list())
+    node, camera = nodes_of(module)
     schema = node.define_schema()
     assert [port.id for port in schema.inputs] == ["photo", "map_height", "sun"]
     ids = [port.id for port in (*schema.inputs, *schema.outputs)]
@@ -88,6 +96,59 @@ def test_the_node_gives_map_sun_and_mask(module: Any) -> None:
     assert (azimuth, elevation) == tuple(json.loads(record)["sun"][name] for name in ("azimuth", "elevation"))
     without = node.execute(photo=torch.from_numpy(photo)[None], map_height=64, sun=False)[0]
     assert without.max() < envmap.max()
+
+    fov_x, fov_y, *tilt, described = camera.execute(photo=torch.from_numpy(photo)[None], record=record)
+    light = Lighting.from_dict(json.loads(record))
+    assert (fov_y, *tilt) == (light.vertical_fov, light.camera_elevation, light.camera_roll)
+    assert np.tan(np.radians(fov_x / 2)) == pytest.approx(np.tan(np.radians(fov_y / 2)) * 320 / 240)
+    values = json.loads(described)
+    assert values["intrinsics"][0][0] * 320 == pytest.approx(values["intrinsics"][1][1] * 240)
+    x, y, z = values["up"]
+    assert np.degrees(np.arcsin(z)) == pytest.approx(light.camera_elevation, abs=1e-6)
+    assert np.degrees(np.arctan2(x, -y)) == pytest.approx(-light.camera_roll, abs=1e-6)
+
+
+CORE = {  # of ComfyUI's own nodes in the workflow, the types of outputs and the names of inputs
+    "LoadImage": (["IMAGE", "MASK"], []),
+    "PreviewImage": ([], ["images"]),
+    "MaskPreview": ([], ["mask"]),
+    "PreviewAny": ([], ["source"]),
+}
+
+
+def test_the_workflow_is_of_these_nodes(module: Any) -> None:
+    """Every link leads from an output to an input of its type, and every node's sockets are those of its schema."""
+    workflow = json.loads(text(FOLDER / "example_workflows" / "photo_light.json"))
+    nodes = {node["id"]: node for node in workflow["nodes"]}
+    schemas = {schema.node_id: schema for schema in (node.define_schema() for node in nodes_of(module))}
+    assert {node["type"] for node in nodes.values()} == {*schemas, *CORE}
+    for node in nodes.values():
+        names = [socket["name"] for socket in node["inputs"]]
+        if node["type"] in CORE:
+            assert ([out["type"] for out in node["outputs"]], names) == CORE[node["type"]]
+            continue
+        schema = schemas[node["type"]]
+        sockets = [port.id for port in schema.inputs if port.id in names]
+        assert names == sockets
+        assert len(node["widgets_values"]) == len(schema.inputs) - len(sockets)
+        shown = [port.named.get("display_name", port.id) for port in schema.outputs]
+        assert [out["name"] for out in node["outputs"]] == shown
+    for number, source, output, target, socket, kind in workflow["links"]:
+        assert number in nodes[source]["outputs"][output]["links"]
+        assert nodes[source]["outputs"][output]["type"] == kind
+        assert nodes[target]["inputs"][socket]["link"] == number
+        assert nodes[target]["inputs"][socket]["type"] in (kind, "*")
+    assert (FOLDER / "example_workflows" / "photo_light.jpg").read_bytes().startswith(b"\xff\xd8")
+
+
+def test_the_pack_has_what_the_registry_reads() -> None:
+    pack = tomllib.loads(text(FOLDER / "pyproject.toml"))
+    assert {"name", "description", "version", "license", "dependencies", "urls"} <= set(pack["project"])
+    assert pack["project"]["version"] == __version__
+    assert re.fullmatch(r"[a-z0-9-]{1,100}", pack["project"]["name"])
+    assert {"PublisherId", "DisplayName"} <= set(pack["tool"]["comfy"])
+    major, minor, _ = __version__.split(".")
+    assert pack["project"]["dependencies"] == [f"outdoor-lighting>={major}.{minor},<{major}.{int(minor) + 1}"]
 
 
 COLORS = {"red", "yellow", "green", "blue", "indigo", "purple", "pink", "gray"}  # that the Hub takes

@@ -88,11 +88,12 @@ def test_every_door_gives_one_record_and_one_map(tmp_path: Path) -> None:
     assert maps[0].read_bytes() == maps[1].read_bytes()
 
 
-OTHERS = ("snow_field", "brick_street", "lake_clouds", "beach_storm", "garden_noon")
+EXAMPLE_NAMES = ("wide_street", "snow_field", "brick_street", "lake_clouds", "beach_storm", "garden_noon")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["wide_street", *(pytest.param(n, marks=pytest.mark.thorough) for n in OTHERS)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", EXAMPLE_NAMES)
 def test_every_door_shows_the_same_place(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Map, preview and scene of a command, a batch, the service and Python take their detail from one place."""
     photo, chosen = EXAMPLES / f"{name}.jpg", list[object]()

@@ -36,6 +36,7 @@ def run_envmap(photo: Path, target: Path, *options: str) -> bytes:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_map_is_that_of_the_command_to_the_last_bit(tmp_path: Path) -> None:
     """It is so high that it shows more of the photo's pixels than the network sees."""
     photo = EXAMPLES / "snow_field.jpg"

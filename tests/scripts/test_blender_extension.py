@@ -165,6 +165,50 @@ def test_no_command_is_a_sentence(answers: Any, photo: Path, tmp_path: Path) -> 
         answers.from_command("absent-command", photo, tmp_path)
 
 
+def test_the_command_is_found_where_it_was_built_and_where_installers_put_it(
+    answers: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "bin" / "lighting"
+    program.parent.mkdir()
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(answers, "_USUAL", ())
+    assert answers.find_command("lighting") is None
+    with zipfile.ZipFile(build(tmp_path / "own.zip", str(program))) as archive:
+        monkeypatch.setattr(answers, "_BUILT_BY", Path(archive.extract("command.txt", tmp_path)))
+    assert answers.find_command("lighting") == str(program)
+    assert answers.find_command("lighting-2") is None
+    monkeypatch.setattr(answers, "_BUILT_BY", tmp_path / "none")
+    monkeypatch.setattr(answers, "_USUAL", ("~/bin/lighting",))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert answers.find_command("lighting") == str(program)
+
+
+def test_only_a_service_of_this_computer_is_used_unasked(answers: Any) -> None:
+    for address in ("http://example.com", "ftp://127.0.0.1", "nonsense", "http://127.0.0.1:9"):
+        assert not answers.is_serving_here(address)
+
+
+@pytest.mark.slow
+@needs_blender
+def test_the_zip_is_valid_by_blenders_own_rules(tmp_path: Path) -> None:
+    """What `blender --command extension validate` runs."""
+    home = subprocess.run(
+        [PYTHON, "-c", "import bpy; print('HOME', bpy.utils.system_resource('SCRIPTS'))"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.partition("HOME ")[2].strip()  # fmt: skip
+    program = Path(home, "addons_core", "bl_pkg", "cli", "blender_ext.py")
+    if not program.is_file():
+        pytest.skip("needs the extensions of Blender 4.2 or newer")
+    for zipped in (build(tmp_path / "released.zip"), build(tmp_path / "own.zip", "/usr/bin/true")):
+        done = subprocess.run([PYTHON, program, "validate", zipped], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "success" in (done.stdout + done.stderr).lower()
+
+
 # The service
 
 

@@ -358,7 +358,7 @@ def test_a_process_that_cannot_start_ends_with_the_sentence_alone() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("root", ["", "/tools/light"])
+@pytest.mark.parametrize("root", [pytest.param("", marks=pytest.mark.thorough), "/tools/light"])
 def test_links_lead_to_the_map_below_the_path_that_a_proxy_took_away(network: Path, root: str) -> None:
     """Whether or not the service knows that path."""
     with started(network, concurrency=1, root_path=root) as server:

@@ -178,7 +178,11 @@ def test_overwrite_starts_anew(photos: Path, tmp_path: Path, network: Path) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "named"),
-    [(["--envmap"], "maps"), (["--model", "other.onnx"], "network, sha256"), (["--source"], "source")],
+    [
+        (["--envmap"], "maps"),
+        pytest.param(["--model", "other.onnx"], "network, sha256", marks=pytest.mark.thorough),
+        pytest.param(["--source"], "source", marks=pytest.mark.thorough),
+    ],
 )
 def test_results_of_another_job_are_refused(
     photos: Path, tmp_path: Path, network: Path, change: list[str], named: str, monkeypatch: pytest.MonkeyPatch
@@ -321,6 +325,7 @@ def test_what_killed_runs_left_under_temporary_names_is_removed(photos: Path, tm
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds the workers in Linux's /proc")
 def test_a_killed_worker_costs_nothing(many: Path, tmp_path: Path, network: Path) -> None:
     out = tmp_path / "out"
@@ -386,7 +391,7 @@ def test_an_exception_of_the_preparation_is_raised() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.thorough)])
 def test_one_worker_that_dies_as_it_starts_costs_nothing(tmp_path: Path, workers: int) -> None:
     found = dict(_map_in_processes(ITEMS, partial(second_attempt, tmp_path), workers))
     assert found == {item: item.upper() for item in ITEMS}

@@ -60,7 +60,7 @@ def part(picture: Bytes, name: str, aspect: float) -> NDArray[np.int64]:
     return picture[box.y : box.y + box.height, box.x : box.x + box.width].astype(np.int64)
 
 
-@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.thorough)])
 def test_compass_of_the_picture_is_warm_on_the_suns_side(side: int) -> None:
     lighting = outdoors(170.0, 80.0, sun_visibility=0.1)
     probability = soft_label(direction(side * 60.0, 35.0), 40.0, GRID)
@@ -70,7 +70,10 @@ def test_compass_of_the_picture_is_warm_on_the_suns_side(side: int) -> None:
     assert warm[:, 0].mean() < 0
 
 
-@pytest.mark.parametrize(("width", "height"), [(640, 360), (1, 1), (900, 100), (30, 400)])
+@pytest.mark.parametrize(
+    ("width", "height"),
+    [(640, 360), (30, 400), *(pytest.param(*size, marks=pytest.mark.thorough) for size in ((1, 1), (900, 100)))],
+)
 def test_any_shape_of_photo_has_its_place(width: int, height: int) -> None:
     picture = draw(outdoors(100.0, 30.0, radius_50=9.0, radius_90=30.0), width, height)
     assert picture.dtype == np.uint8

@@ -143,7 +143,7 @@ def test_the_ground_is_as_bright_as_a_path_tracer_says(azimuth: float, elevation
     np.testing.assert_allclose(
         radiance[4:], expected[4:], rtol=0.08
     )  # its noise is 2 %, the glossy lobe is not quite ours
-    assert abs(radiance[0] - expected[0]) < 0.005 * expected[-1]
+    assert abs(radiance[0] - expected[0]) < 0.007 * expected[-1]  # beside a foot, where it is 0.04 of it
 
 
 WIDTH, HEIGHT, PITCH = 160, 110, -10.0

@@ -2,6 +2,7 @@
 
 import ast
 import json
+import os
 import subprocess
 import sys
 from importlib.machinery import ModuleSpec
@@ -15,9 +16,10 @@ from PIL import Image
 from lighting.color import srgb_decode
 from lighting.errors import SceneError
 from lighting.geometry import direction, to_z_up
-from lighting.scene import blender
-from lighting.scene.writer import write_scene
+from lighting.scene import EXPORTERS, blender
+from lighting.scene.writer import write_scene, zip_scene
 from tests.helpers.engines import PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
+from tests.helpers.processes import invoke_command
 from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 
@@ -94,8 +96,44 @@ def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
     monkeypatch.setattr(blender, "read_data_text", lambda _name: "import sys; sys.exit('Error: no memory.')")
     with pytest.raises(SceneError, match=r"^Blender could not build scene\.blend: Error: no memory\.$"):
-        write_scene(sunlit_scene(), "blender", tmp_path / "out")
+        write_scene(sunlit_scene(), "blender", tmp_path / "out", blend=True)
     assert not (tmp_path / "out").exists()
+
+
+def test_without_blender_a_blend_is_refused_and_nothing_starts_unasked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blender, "find_spec", lambda _name: None)
+    monkeypatch.setattr(blender, "find_blender_program", lambda: None)
+    with pytest.raises(
+        SceneError, match=r"^scene\.blend needs Blender, from blender\.org, or its module: pip install bpy\.$"
+    ):
+        write_scene(sunlit_scene(), "blender", tmp_path / "out", blend=True)
+    with pytest.raises(SceneError, match="needs a folder"):
+        zip_scene(sunlit_scene(), "blender", blend=True)
+    monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
+    monkeypatch.setattr(blender, "find_blender", lambda: pytest.fail("It starts Blender."))
+    write_scene(sunlit_scene(), "blender", tmp_path / "out")
+    assert not (tmp_path / "out" / "scene.blend").exists()
+
+
+@pytest.mark.slow
+@needs_blender
+def test_the_command_finds_a_program_that_is_blender(
+    tmp_path: Path, photo_path: Path, network: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that runs the script after --python, as Blender does, by bpy."""
+    program = tmp_path / "bin" / "blender"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nwhile [ "$1" != --python ]; do shift; done; shift; exec "{PYTHON}" "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
+    monkeypatch.setattr(blender, "find_spec", lambda _name: None)
+    out = tmp_path / "out"
+    result = invoke_command("scene", photo_path, "--for", "blender", "--blend", "-o", out, "--model", network)
+    assert result.exit_code == 0, result.output
+    assert (out / "scene.blend").stat().st_size > 100_000
+    assert sorted(path.name for path in out.iterdir()) == sorted(EXPORTERS["blender"].files)
 
 
 @pytest.mark.slow
@@ -103,7 +141,7 @@ def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytes
 def test_blender_builds_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
     monkeypatch.setattr(sys, "executable", PYTHON)
-    write_scene(sunlit_scene(), "blender", tmp_path / "out")
+    write_scene(sunlit_scene(), "blender", tmp_path / "out", blend=True)
     look = (
         "import os, bpy; bpy.ops.wm.open_mainfile(filepath=os.path.abspath('scene.blend'));"
         "print(sorted(o.name for o in bpy.data.objects))"

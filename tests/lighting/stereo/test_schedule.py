@@ -202,7 +202,13 @@ def test_noisy_pixels_scatter_as_planned(case: object) -> None:
     assert turn == pytest.approx(1, abs=0.05)
 
 
-@pytest.mark.parametrize("case", [CASES[1], CLOUDY], ids=["clear", "clouds that the plan never saw"])
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(CASES[1], id="clear"),
+        pytest.param(CLOUDY, id="clouds that the plan never saw", marks=pytest.mark.thorough),
+    ],
+)
 def test_the_first_choice_is_within_a_tenth_of_the_best_window(case: object) -> None:
     chosen, best = _choice(_study(case, coarse=True), 6)  # type: ignore[arg-type]
     assert chosen <= 1.1 * best

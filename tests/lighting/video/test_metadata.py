@@ -177,6 +177,8 @@ CAMERAS = {
     "canon": {"major_brand": "mp42", "compatible_brands": "isomCAEPavc1mp41"},
     "nikon": {"major_brand": "niko"},
     "pentax": {"make": "PENTAX"},
+    "insta360": {"make": "Arashi Vision"},
+    "dji-osmo": {"encoder": "DJI OsmoPocket3"},
 }
 EVENING = datetime(2024, 6, 1, 16, 49, tzinfo=UTC)  # when the sun is 20.1 deg high in Munich
 
@@ -454,8 +456,11 @@ Format: Layer, Start, End, Text
 def write_subtitled(path: Path, codec: str) -> Path:
     """The clip with DJI's two entries as a track of subtitles."""
     texts = (block.split("\n", 2)[2].encode() for block in DJI.split("\n\n")[:2])
-    sized = (len(text).to_bytes(2, "big") + text if codec == "mov_text" else text for text in texts)
-    return write_tracks(path, codec, list(zip((0, 2000), sized, strict=True)))
+    coded = {
+        "mov_text": lambda text: len(text).to_bytes(2, "big") + text,
+        "ass": lambda text: b"0,0,Default,,0,0,0,," + text.replace(b"\n", b"\\N").replace(b"[iso", b"iso"),
+    }.get(codec, bytes)
+    return write_tracks(path, codec, list(zip((0, 2000), map(coded, texts), strict=True)))
 
 
 def write_tracks(
@@ -480,7 +485,9 @@ def write_tracks(
     return path
 
 
-@pytest.mark.parametrize(("name", "codec"), [("a.mp4", "mov_text"), ("a.mov", "mov_text"), ("a.mkv", "subrip")])
+@pytest.mark.parametrize(
+    ("name", "codec"), [("a.mp4", "mov_text"), ("a.mov", "mov_text"), ("a.mkv", "subrip"), ("a.mkv", "ass")]
+)
 def test_subtitles_inside_a_clip_are_read_as_those_beside_it(tmp_path: Path, name: str, codec: str) -> None:
     path = write_subtitled(tmp_path / name, codec)
     with Clip(path) as clip:
