@@ -14,7 +14,7 @@ from server.settings import Settings
 from tests.helpers.pages import DOCS, README, ROOT, anchors, blocks, links, text
 from tests.helpers.processes import list_commands
 
-MOST_CHANGES = 1500  # words of a release in CHANGELOG.md
+MOST_CHANGES = 1550  # words of a release in CHANGELOG.md
 EVERY_PAGE = sorted(p for p in ROOT.glob("**/*.md") if not {".venv", "node_modules", "runs"} & set(p.parts))
 COMMANDS = sorted(
     (f"{name} {part}".strip(), leaf)
