@@ -405,7 +405,7 @@ def _map_detail(
 @_network
 def _light_balls(data: Path, count: int | None, model: Path | None) -> None:
     """How near three balls come to the truth, by the public protocol of pictures."""
-    from export.evaluation.light_balls import report_light_balls
+    from export.reports.light_balls import report_light_balls
     from lighting.model import Model
 
     click.echo(report_light_balls(data, Model.load(model), count))
