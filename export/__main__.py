@@ -376,21 +376,27 @@ def _video(data: Path, count: int, kinds: tuple[str, ...], model: Path | None) -
     "--split", "Panoramas that are cropped; choose nothing by those of val.", click.Choice(["val", "train"]), "val"
 )
 @_option("--cache", "Folder that keeps estimates and truths.", default="runs/map-detail")
+@_flag("--balance", "Say by crops of train what the library's panoramas cost, and write it into the library.")
 @_option("--earlier", "`judged.npz` of an earlier run's cache, to compare maps of the same crops.")
 @_network
-def _map_detail(data: Path, count: int, split: str, cache: Path, earlier: Path | None, model: Path | None) -> None:
+def _map_detail(
+    data: Path, count: int, split: str, cache: Path, balance: bool, earlier: Path | None, model: Path | None
+) -> None:
     """How real maps look around the photo, and how near objects lit by them come to the truth."""
     from export.data.panoramas import DataError
-    from export.reports.map_detail import report_map_detail
+    from export.reports.map_detail import balance_detail, report_map_detail
     from export.reports.map_judge import report_map_judge
     from lighting.model import Model
 
     network = Model.load(model)
-    click.echo(report_map_detail(data, network, count, split, cache))
-    try:
-        click.echo("\n" + report_map_judge(data, network, count, split, cache, earlier))
-    except DataError as error:  # the judge's wheel is not installed
-        click.echo(f"\nNot judged by a network. {error}")
+    if balance:
+        click.echo(balance_detail(data, network, count, cache))
+    else:
+        click.echo(report_map_detail(data, network, count, split, cache))
+        try:
+            click.echo("\n" + report_map_judge(data, network, count, split, cache, earlier))
+        except DataError as error:  # the judge's wheel is not installed
+            click.echo(f"\nNot judged by a network. {error}")
 
 
 @_report.command("light-balls")
@@ -399,7 +405,7 @@ def _map_detail(data: Path, count: int, split: str, cache: Path, earlier: Path |
 @_network
 def _light_balls(data: Path, count: int | None, model: Path | None) -> None:
     """How near three balls come to the truth, by the public protocol of pictures."""
-    from export.evaluation.light_balls import report_light_balls
+    from export.reports.light_balls import report_light_balls
     from lighting.model import Model
 
     click.echo(report_light_balls(data, Model.load(model), count))

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 import lighting.geometry as geometry
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import shadow_receivers, stands_in_sun
+from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import round_significant
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
 from lighting.records import EstimatedLight, Lighting, Prediction
-from lighting.segmentation import Segments, SurfaceClass, class_share, photo_segments, pixel_share
+from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, photo_segments, pixel_share
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
 ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii
@@ -24,6 +25,7 @@ _MIN_RADIUS = 0.012  # of a ball, in picture heights; smaller ones are hardly se
 _MAX_RADIUS_METERS = 1.0  # of a ball; on ground that is farther away it is smaller in the picture
 _MAX_RADIUS_SHARE = 0.4  # of the camera's height, so that no ball reaches above the horizon
 _MAX_WIDTH_SHARE = 0.95  # of a narrow picture's width, which three balls fill at most
+_MIN_DESCENT = 0.01  # sine of the angle below the horizon, from which on a stated spot lies on the ground
 _MAX_FOOT_ROW = 0.97  # of the picture's height, where a foot may stand
 
 _MIN_VISIBLE = 0.02  # share of a picture that shows ground to speak of
@@ -35,7 +37,9 @@ _ROOM = 2  # cells beside a lit spot that are to be so, too
 _ROWS = 72  # of the picture in which the spot is sought
 _MIN_GROUND = 0.5  # probability from which a cell counts as ground
 _MIN_SUPPORT = 0.55  # probability of ground under a ball
-_MIN_ROW_SUPPORT = 0.1  # the same under each of three of them side by side
+_MAX_WATER = 0.15  # probability of water under it
+_MAX_IN_FRONT = 0.6  # probability of things in front of a ball, which it would cover
+_MIN_ROW_SUPPORT = 0.2  # the same under each of three of them side by side
 _FOOT_HEIGHT = 0.7  # radii over and under a foot that must show ground
 _LATERAL_COST = 0.15  # of probability that one is ready to lose for the picture's whole width
 _VERTICAL_COST = 0.1  # the same for its height, from _BEST_ROW
@@ -122,26 +126,37 @@ class _GroundSpot:
 
 
 def describe_ground(
-    photo: Photo, estimate: EstimatedLight, prediction: Prediction, is_aerial: bool = False
+    photo: Photo,
+    estimate: EstimatedLight,
+    prediction: Prediction,
+    is_aerial: bool = False,
+    stated: tuple[float, float] | None = None,
 ) -> EstimatedLight:
     """Return the estimate of a photo with what the photo shows, and where in it an object may stand.
 
-    The estimate stays as it is where the network does not predict what photos show.
+    Without a stated spot the estimate stays as it is where the network does not predict what photos show.
 
     Args:
         photo: as `read_photo` returns it.
         estimate: of its light and camera.
         prediction: of the photo.
-        is_aerial: whether the camera flies at an unknown height; there is no spot then.
+        is_aerial: whether the camera flies at an unknown height; only a stated spot counts then.
+        stated: (x, y) where the user puts the object, in pixels of the photo; None: where the photo shows ground.
+
+    Raises:
+        ParameterError: the stated spot lies outside the photo, or where the camera sees no ground.
     """
-    if (segments := photo_segments(prediction.segments, photo.width, photo.height)) is None:
+    segments = photo_segments(prediction.segments, photo.width, photo.height)
+    if segments is None and stated is None:
         return estimate
-    light, visible = estimate.lighting, _visible_ground(segments)
+    light = estimate.lighting
     camera = photo_camera(light, photo.width, photo.height)
-    spot = None if is_aerial else _find_ground_spot(segments, camera, light.camera_height)
+    spot = None if stated is None else _stated_spot(camera, stated)
+    if spot is None and segments is not None and not is_aerial:
+        spot = _find_ground_spot(segments, camera, light.camera_height)
     light = replace(
         light,
-        ground_visible=round_significant(visible),
+        ground_visible=None if segments is None else round_significant(_visible_ground(segments)),
         spot_pixel=None if spot is None else spot.pixel,
         spot_direction=None if spot is None else spot.direction,
     )
@@ -205,19 +220,37 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
     """
     small = replace(camera, width=max(1, round(camera.width * _ROWS / camera.height)), height=_ROWS)
     ground = pixel_share(segments, small.width, small.height, SurfaceClass.GROUND)
-    rays, focal = geometry.camera_directions(small), camera.focal_length
+    rays = geometry.camera_directions(small)
     radius = object_radius(small, -rays[..., 1] / (rays @ small.axes[2]), camera_height)
     stretch = _stretches(small, radius)
     score = np.where(stretch <= _MAX_STRETCH, _spot_scores(ground, radius) - _STRETCH_COST * (stretch - 1), -np.inf)
+    score[~_is_free(segments, radius)] = -np.inf
     row, column = np.unravel_index(np.argmax(score), score.shape)
     if not np.isfinite(score[row, column]):
         return None
     x, y = (np.array([column, row]) + 0.5) * [camera.width / small.width, camera.height / small.height]
-    right, up, forward = small.axes
-    ray = focal * forward + (x - camera.width / 2) * right - (y - camera.height / 2) * up
+    return _spot_at(camera, float(x), float(y))
+
+
+def _spot_at(camera: Pinhole, x: float, y: float) -> _GroundSpot:
+    """Return the spot at a pixel of a camera's picture."""
+    right, up, forward = camera.axes
+    ray = camera.focal_length * forward + (x - camera.width / 2) * right - (y - camera.height / 2) * up
     lateral, vertical, depth = (ray / np.linalg.norm(ray)).tolist()
-    pixel = round(float(x), 1), round(float(y), 1)
-    return _GroundSpot(pixel, (round(lateral, 6), round(vertical, 6), round(depth, 6)))
+    return _GroundSpot((round(x, 1), round(y, 1)), (round(lateral, 6), round(vertical, 6), round(depth, 6)))
+
+
+def _stated_spot(camera: Pinhole, stated: tuple[float, float]) -> _GroundSpot:
+    """Return the spot at a pixel that the user states; ParameterError where the camera sees no ground."""
+    x, y = stated
+    if not (0 <= x < camera.width and 0 <= y < camera.height):
+        sentence = f"The spot {x:g},{y:g} lies outside the photo of {camera.width} x {camera.height} pixels."
+        raise ParameterError(sentence, "spot", ErrorCode.OUT_OF_RANGE)
+    spot = _spot_at(camera, x, y)
+    if spot.direction[1] > -_MIN_DESCENT:
+        sentence = "The spot lies at the horizon or over it, where no ground is; state one below it."
+        raise ParameterError(sentence, "spot", ErrorCode.OUT_OF_RANGE)
+    return spot
 
 
 def _stretches(camera: Pinhole, radius: Floats) -> Floats:
@@ -235,15 +268,36 @@ def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
     rows, columns = ground.shape
     y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
     under_one = _box_means(ground, radius, _FOOT_HEIGHT * radius)
-    middle, shift = np.arange(columns), np.round((ROW_WIDTH - 1) * radius).astype(np.intp)
-    left = np.take_along_axis(under_one, np.maximum(middle - shift, 0), axis=1)
-    right = np.take_along_axis(under_one, np.minimum(middle + shift, columns - 1), axis=1)
-    under_all = np.minimum(np.minimum(under_one, left), right)
+    under_all = np.minimum(under_one, np.minimum(*_beside(under_one, radius)))
     fits = (np.abs(x - columns / 2) + ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
     stands = (under_one >= _MIN_SUPPORT) & (under_all >= _MIN_ROW_SUPPORT) & (radius >= _MIN_RADIUS * rows)
     away = _LATERAL_COST * np.abs(x / columns - 0.5) + _VERTICAL_COST * np.abs(y / rows - _BEST_ROW)
     size = np.log2(np.maximum(radius, 1e-6) / (OBJECT_RADIUS * rows))
     return np.where(fits & stands, (under_one + under_all) / 2 - away + _SIZE_COST * size, -np.inf)
+
+
+def _beside(values: Floats, radius: Floats) -> tuple[Floats, Floats]:
+    """The values (h, w) where the outer two of three balls in a row stand, by their radius (h, w)."""
+    middle, shift = np.arange(values.shape[1]), np.round((ROW_WIDTH - 1) * radius).astype(np.intp)
+    left = np.take_along_axis(values, np.maximum(middle - shift, 0), axis=1)
+    right = np.take_along_axis(values, np.minimum(middle + shift, values.shape[1] - 1), axis=1)
+    return left, right
+
+
+def _is_free(segments: Segments, radius: Floats) -> NDArray[np.bool_]:
+    """Where (h, w) three balls of a radius (h, w) [pixels] stand on no water, and cover nothing that is nearer.
+
+    What is nearer stands farther down in the picture.
+    """
+    rows, columns = radius.shape
+    water = pixel_share(segments, columns, rows, SurfaceClass.WATER)
+    things = pixel_share(segments, columns, rows, *(kind for kind in THINGS if kind != SurfaceClass.SKY))
+    in_front = _box_means(things, radius, radius)
+    below = np.minimum(np.arange(rows)[:, None] + np.round(radius).astype(np.intp), rows - 1)
+    in_front = np.take_along_axis(in_front, below, axis=0)
+    in_front = np.maximum(in_front, np.maximum(*_beside(in_front, radius)))
+    wet = _box_means(water, radius, _FOOT_HEIGHT * radius)
+    return np.asarray((in_front <= _MAX_IN_FRONT) & (wet <= _MAX_WATER))
 
 
 def _box_means(values: NDArray[np.float32], lateral: Floats, vertical: Floats) -> Floats:

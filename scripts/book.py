@@ -41,7 +41,7 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "lighting/data/MODEL_CARD.md": 600,
     "export/README.md": 750,
 }
-MOST_WORDS = 10370  # of all of them but `export/README.md`, which is no page of the book
+MOST_WORDS = 10380  # of all of them but `export/README.md`, which is no page of the book
 BESIDE = ("SECURITY.md", "CONTRIBUTING.md", "examples/CREDITS.md")  # pages without a budget, whose sentences are short
 MEAN_SENTENCE, LONGEST_SENTENCE = 15, 30  # words
 _FIGURES = {

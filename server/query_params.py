@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from lighting.errors import OLD_NAMES, SHORT_FORMS, ErrorCode, ParameterError
 from lighting.fields import parameter_name
 from lighting.files import FileOptions
-from lighting.fusion.user_input import UserInput, check_headings, read_headings
+from lighting.fusion.user_input import DRAWN_FIELDS, UserInput, check_headings, read_headings
 from lighting.light_probe import LIGHT_PROBE_FORMATS
 from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
 from lighting.photo.reader import MIN_SIDE
@@ -90,6 +90,7 @@ class UserInputQuery(Query):
     reference: str = Field(
         "", description="of one photo: a thing of known size, X,Y,X,Y,METERS from foot to top; `ground:` if it lies"
     )
+    spot: str = Field("", description="of one photo: where an object stands on its ground, in pixels, X,Y")
     keep_location: types.Flag = Field(False, description="put latitude and longitude into the answer")
 
     @model_validator(mode="after")
@@ -99,8 +100,7 @@ class UserInputQuery(Query):
 
     def user_input(self) -> UserInput:
         """The same for the library; raises ParameterError for values that contradict each other."""
-        drawn = ("shadows", "horizon", "verticals", "reference", "camera")
-        names = [field.name for field in fields(UserInput) if field.name not in drawn]
+        names = [field.name for field in fields(UserInput) if field.name not in DRAWN_FIELDS]
         shadows, verticals = (
             [part for part in text.split(";") if part.strip()] for text in (self.shadow, self.vertical)
         )
@@ -109,6 +109,7 @@ class UserInputQuery(Query):
             horizon=self.horizon or None,
             verticals=verticals,
             reference=self.reference or None,
+            spot=self.spot or None,
             **{name: getattr(self, parameter_name(name)) for name in names},
         )
 

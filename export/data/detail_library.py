@@ -3,7 +3,8 @@
     python -m export.data.detail_library --data DIR
 
 Each is exposed like a photo. The sun and its glare are taken out, since a map has a sun of its own. It is kept as a
-small WebP picture beside its kind and the features by which it is chosen.
+small WebP picture beside its kind and the features by which it is chosen. `balance_library` then says what those cost
+that would be chosen too often.
 """
 
 import argparse
@@ -71,7 +72,7 @@ _ROW = np.dtype(
     [
         *(("name", "U40"), ("size", "i8")),  # bytes of the picture
         ("features", "u1", (len(FEATURES), FEATURE_ROWS, 2 * FEATURE_ROWS)),  # FEATURE_RANGE in 255 steps
-        *(("sun_azimuth", "f8"), ("sunlit", "?"), ("kind", "U10")),
+        *(("sun_azimuth", "f8"), ("sunlit", "?"), ("kind", "U10"), ("cost", "f4")),
     ]
 )
 
@@ -85,6 +86,9 @@ _GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, a
 _SKY_LUMINANCE = 0.3
 _VIEW_STEP, _VIEW_FOV = 30, 60.0  # deg between the views in which classes are looked for; deg, vertical
 _VIEW_SIZE = 384, 288  # of them, pixels
+_MOST_USED = 0.06  # share of photos for which a panorama is chosen
+_COST_STEP, _BALANCE_STEPS = 0.01, 5000
+_MAX_COST = 3.0  # less than that of a town in the country: kinds count more than that places differ
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
 
 
@@ -108,6 +112,36 @@ def _make_detail_library(data: Path) -> tuple[NDArray[np.void], bytes]:
     kinds = {name: kind for kind, names in _KIND_OF.items() for name in names}
     table["kind"] = [kinds.get(p.name, "city") for p in chosen]
     return table, b"".join(pictures)
+
+
+def read_detail_library(file: Path) -> tuple[NDArray[np.void], bytes]:
+    """The table of a library, and its pictures, one after the other.
+
+    Args:
+        file: the library's.
+    """
+    with file.open("rb") as stream:
+        return np.load(stream), stream.read()
+
+
+def balance_library(costs: NDArray[np.floating]) -> NDArray[np.float32]:
+    """What each panorama of the library must cost (N,), so that none is chosen for more than a share of photos.
+
+    Without it some, whose features are mean ones, suit too many photos (hubness [1]), and maps look alike.
+
+    Args:
+        costs: (V, N) of each panorama for each of V photos.
+
+    References: [1] Radovanovic et al., Hubs in Space, JMLR 2010.
+    """
+    extra = np.zeros(costs.shape[1])
+    for _ in range(_BALANCE_STEPS):
+        used = np.bincount((costs + extra).argmin(axis=1), minlength=len(extra))
+        often = (used > max(1, _MOST_USED * len(costs))) & (extra < _MAX_COST)
+        if not often.any():
+            break
+        extra[often] += _COST_STEP
+    return extra.astype(np.float32)
 
 
 def write_detail_library(file: Path, table: NDArray[np.void], pictures: bytes) -> None:

@@ -24,14 +24,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from export.data.detail_library import balance_library, read_detail_library, write_detail_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from export.evaluation.relighting import rgb_angle
 from lighting.color import luminance, srgb_encode, tone_map
+from lighting.envmap.detail_library import LIBRARY_PATH, choice_costs
 from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import rotate_envmap
-from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
+from lighting.envmap.surroundings import PhotoContext, describe_place, render_with_surroundings
 from lighting.estimator import Estimator
 from lighting.files.exr import write_exr
 from lighting.fusion.user_input import UserInput
@@ -405,6 +407,28 @@ def report_map_detail(data: Path, model: Model, count: int, split: str, cache: P
         looks[name] = _measure_maps(read_views(files, panoramas), render, features)
     places = np.array([panorama.place for panorama in panoramas])
     return _format_looks(looks, places)
+
+
+def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
+    """Write into the library of detail what its panoramas cost, by crops of `train`; what it then is, in a sentence.
+
+    Args:
+        data: folder of panoramas.
+        model: the network to ask.
+        count: crops, each of another panorama.
+        cache: folder for estimates and truths.
+    """
+    panoramas, files = prepare_views(data, model, count, "train", cache)
+    found = [describe_place(view.lighting, view.context) for view in read_views(files, panoramas)]
+    costs = [choice_costs(one.target, one.weight, one.sun_azimuth, one.snow).min(axis=(0, 2)) for one in found]
+    table, pictures = read_detail_library(LIBRARY_PATH)
+    table["cost"] = balance_library(np.stack(costs))
+    write_detail_library(LIBRARY_PATH, table, pictures)
+    used = np.bincount((np.stack(costs) + table["cost"]).argmin(axis=1))
+    return (
+        f"{LIBRARY_PATH}: {np.count_nonzero(used)} of {len(table)} panoramas suit {len(files)} crops, "
+        f"one of them up to {used.max()}."
+    )
 
 
 def prepare_views(data: Path, model: Model, count: int, split: str, cache: Path) -> tuple[list[Panorama], list[Path]]:

@@ -109,7 +109,7 @@ def report_map_judge(data: Path, model: Model, count: int, split: str, cache: Pa
             before = stored["maps"][order]
         rows["earlier maps"] = _figures(before, stacked["true"], places)
         rows["nearer"] = _share_nearer(stacked["maps"], before, stacked["true"], places)
-    np.savez_compressed(cache / _FILE, names=names, places=places, **stacked)
+    np.savez_compressed(cache / _FILE, names=names, places=places, true=stacked["true"], maps=stacked["maps"])
     return f"## Judged by a network\n\n{JUDGE_NOTE}\n\n{figures_table(rows, digits=2)}"
 
 

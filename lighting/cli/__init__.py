@@ -56,7 +56,7 @@ _SECTIONS = {  # of a long help, in this order, as are the options in each; othe
     "Place": ("--time", "--utc-offset", "--latitude", "--longitude", "--heading", "--keep-location"),
     "Photo": (
         *("--shadow", "--horizon", "--vertical", "--camera", "--vertical-fov"),
-        *("--reference", "--camera-height", "--no-metadata", "--model"),
+        *("--reference", "--spot", "--camera-height", "--no-metadata", "--model"),
     ),
     "Map": ("--around", "--backdrop", "--sky", "--yaw", "--disc", "--compression", "--colors"),
 }

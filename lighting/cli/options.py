@@ -565,6 +565,7 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         callback=_fspy_camera,
         help="The camera by fSpy: its project (.fspy), or its JSON.",
     ),
+    "spot": click.option("--spot", metavar="X,Y", help="Where an object stands on the ground, in pixels."),
     "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
 }
 together_option = click.option("--together", is_flag=True, help="Combine photos of one place, taken in the same light.")
@@ -598,7 +599,7 @@ def _options(*names: str) -> Decorator:
 
 # What the user states of a photo; a command receives it as `user_input`. Contradictions are wrong usage.
 user_input_options = _options(*_OPTIONS)
-_DRAWN = ("shadows", "horizon", "verticals", "reference", "camera")  # in one photo
+_DRAWN = ("shadows", "horizon", "verticals", "reference", "camera", "spot")  # in one photo
 clip_input_options = _options(*(name for name in _OPTIONS if name not in _DRAWN))
 batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading", *_DRAWN)))
 

@@ -59,6 +59,8 @@ _WIDE_CELLS = 36, 45, 36  # cells of the band, of water's rows and of those abov
 _GROUND = slice(13, 20)  # rows of cells 7 to 60 deg below the horizon
 _GROUND_WEIGHTS = (8.0, 0.7)  # of its squared logarithms: green over red and blue, red over blue
 _LEAVES_WEIGHT = 1.5  # of squared logarithms of red over green, where there are plants
+_CLOUDS = slice(3, 10)  # rows of cells 15 to 67 deg above the horizon
+_CLOUDS_WEIGHT = 0.35  # of squared logarithms of the contrast in cells of open sky
 _FEW_CELLS = 3.0  # of ground or leaves, by which their colors count half
 _WATER_COST = 4.0  # of a shore without water in the photo, and of none with it
 _WATER_SHARES = (0.05, 0.12)  # of water's rows up to which a photo is none of a shore, and from which it is one
@@ -99,6 +101,8 @@ class _DetailLibrary:
     """(N,) whether direct sunlight reaches the place."""
     kind: NDArray[np.str_]
     """(N,) of BACKDROPS."""
+    cost: Floats
+    """(N,) in squared logarithms, of what would be chosen too often."""
 
     def read_picture(self, index: int) -> bytes:
         """Return a panorama's picture.
@@ -167,6 +171,7 @@ def load_detail_library() -> _DetailLibrary:
         sun_azimuth=table["sun_azimuth"],
         sunlit=table["sunlit"],
         kind=table["kind"],
+        cost=table["cost"],
     )
 
 
@@ -275,18 +280,18 @@ def _choose_detail(
     """The panorama, of all rotations and both ways round, that costs least.
 
     Args:
-        target: as that of `_choice_costs`.
+        target: as that of `choice_costs`.
         weight: likewise.
         sun_azimuth: likewise.
         snow: likewise.
         kind: likewise.
     """
-    cost = _choice_costs(target, weight, sun_azimuth, snow, kind)
+    cost = choice_costs(target, weight, sun_azimuth, snow, kind) + load_detail_library().cost[:, None]
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return _DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
 
 
-def _choice_costs(
+def choice_costs(
     target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, kind: str | None = None
 ) -> Floats:
     """Squared differences of features (2, N, turns), but for what is the same for all: panoramas, and flipped ones.
@@ -339,15 +344,27 @@ def _around_cost(library: _DetailLibrary, target: Image, weight: Image) -> Float
 
 
 def _color_cost(library: _DetailLibrary, target: Image, weight: Image) -> Floats:
-    """What it costs (N,) that ground and leaves have other colors than in the photo."""
+    """What it costs (N,) that ground and leaves have other colors than in the photo, and the sky other clouds."""
     everywhere = np.ones(target.shape[1:], np.float32)
     seen = (weight[0] > 0).astype(np.float32) * (weight[FEATURES.index("plants")] > 0)
     ground, _, leaves, wood = _mean_colors(library.features, everywhere)
     own_ground, cells, own_leaves, own_wood = _mean_colors(target, seen)
     cost = (ground - own_ground) ** 2 @ np.array(_GROUND_WEIGHTS) * (cells / (cells + _FEW_CELLS))
+    (clouds, _), (own_clouds, open_cells) = _cloud_contrast(library.features, everywhere), _cloud_contrast(target, seen)
+    cost += _CLOUDS_WEIGHT * (clouds - own_clouds) ** 2 * (open_cells / (open_cells + _FEW_CELLS))
     return np.asarray(
         cost + _LEAVES_WEIGHT * (leaves - own_leaves) ** 2 * (own_wood / (own_wood + _FEW_CELLS)) * (wood > _FEW_CELLS)
     )
+
+
+def _cloud_contrast(features: Image, seen: Image) -> tuple[Floats, Floats]:
+    """Mean contrast (...) of cells of open sky, and how many show it; arguments as those of `_mean_colors`."""
+    contrast, plants, building = (
+        features[..., FEATURES.index(name), _CLOUDS, :] for name in ("contrast", "plants", "building")
+    )
+    free = np.clip(1 - 2 * (plants + building), 0, 1) * seen[_CLOUDS]
+    cells = free.sum(axis=(-2, -1))
+    return (free * contrast).sum(axis=(-2, -1)) / np.maximum(cells, 1e-6), cells
 
 
 def _mean_colors(features: Image, seen: Image) -> tuple[Floats, Floats, Floats, Floats]:

@@ -101,6 +101,21 @@ def read_line(text: str, field: str) -> Line:
     raise ParameterError(sentence, field, ErrorCode.MALFORMED)
 
 
+def read_spot(text: str) -> tuple[float, float]:
+    """Read a spot such as "640,820".
+
+    Args:
+        text: x and y in pixels of the upright photo.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    match _numbers(text):
+        case [x, y]:
+            return x, y
+    raise ParameterError(f"{text!r} is no spot in pixels such as 640,820.", "spot", ErrorCode.MALFORMED)
+
+
 def read_reference(text: str) -> Reference:
     """Read a thing of known size such as "310,820,305,400,1.8" or "ground:300,900,700,880,5".
 
@@ -139,6 +154,16 @@ def check_line(line: object, field: str) -> None:
     if math.dist(line[:2], line[2:]) < _MIN_LENGTH:
         sentence = f"A line is shorter than {_MIN_LENGTH:.0f} pixels; draw a longer one."
         raise ParameterError(sentence, field, ErrorCode.OUT_OF_RANGE)
+
+
+def check_spot(spot: object) -> None:
+    """Raise ParameterError for what is no point of a photo.
+
+    Args:
+        spot: what a caller passed as one.
+    """
+    if not isinstance(spot, tuple) or len(spot) != 2 or not all(map(_is_finite, spot)):
+        raise ParameterError("A spot is two numbers: x and y, in pixels.", "spot", ErrorCode.WRONG_TYPE)
 
 
 def check_reference(reference: object) -> None:

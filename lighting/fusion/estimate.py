@@ -321,7 +321,9 @@ def estimate_light(photo: Photo, predicted: PhotoPrediction, user_input: UserInp
         height = _height_by_reference(user_input.reference, photo, posterior.prediction)
         observed = replace(observed, camera_height=height)
     estimate = build_estimate(posterior, observed)
-    estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial)
+    left, top = _border(photo)
+    spot = user_input.spot and (user_input.spot[0] - left, user_input.spot[1] - top)
+    estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial, spot)
     return apply_photo_colors([photo], [estimate])[0]
 
 

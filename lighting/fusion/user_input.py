@@ -17,8 +17,10 @@ from lighting.fusion.drawn_camera import (
     Reference,
     check_line,
     check_reference,
+    check_spot,
     read_line,
     read_reference,
+    read_spot,
 )
 from lighting.fusion.shadows import ShadowMark, check_marks, read_shadow
 from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
@@ -26,6 +28,8 @@ from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
 _RANGES["camera_height"] = RANGES["camera_height"]
 _RANGES |= {name: OPTIONAL_RANGES[name] for name in ("latitude", "longitude")}
+
+DRAWN_FIELDS = ("shadows", "horizon", "verticals", "reference", "camera", "spot")  # of UserInput, in one photo alone
 
 
 @dataclass(frozen=True, init=False)
@@ -60,6 +64,8 @@ class UserInput:
     """A thing of known size, which gives the camera's height."""
     camera: KnownCamera | None = None
     """The camera that another program has found, such as fSpy."""
+    spot: tuple[float, float] | None = None
+    """x, y in pixels of the upright picture: where an object stands on the ground. None: where the photo shows room."""
 
     def __init__(
         self,
@@ -78,6 +84,7 @@ class UserInput:
         verticals: Sequence[Line | str] = (),
         reference: Reference | str | None = None,
         camera: KnownCamera | None = None,
+        spot: tuple[float, float] | str | None = None,
         lat: float | None = None,
         lon: float | None = None,
         fov: float | None = None,
@@ -102,6 +109,7 @@ class UserInput:
             reference: a thing of known size, also as a text such as "310,820,305,400,1.8"; see `read_reference` of
                 `lighting.fusion.drawn_camera`.
             camera: that another program has found, such as `read_fspy` of `lighting.fusion.drawn_camera` reads.
+            spot: x and y of where an object stands on the ground, in pixels of the upright picture, also as a text.
             lat: short for `latitude`.
             lon: short for `longitude`.
             fov: short for `vertical_fov`.
@@ -128,6 +136,7 @@ class UserInput:
             "verticals": tuple(read_line(line, "verticals") if isinstance(line, str) else line for line in verticals),
             "reference": read_reference(reference) if isinstance(reference, str) else reference,
             "camera": camera,
+            "spot": read_spot(spot) if isinstance(spot, str) else spot,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -151,13 +160,15 @@ class UserInput:
             check_location(self.latitude, self.longitude)
         if self.shadows:
             check_marks(self.shadows)
+        if self.spot is not None:
+            check_spot(self.spot)
         self._check_camera()
         self._check_time()
 
     @property
     def drawn_fields(self) -> tuple[str, ...]:
         """The stated fields that are of one photo alone, for they are drawn in it."""
-        return tuple(n for n in ("shadows", "horizon", "verticals", "reference", "camera") if getattr(self, n))
+        return tuple(n for n in DRAWN_FIELDS if getattr(self, n) not in (None, ()))
 
     @property
     def drawn_camera(self) -> DrawnCamera | None:

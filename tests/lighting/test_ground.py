@@ -9,7 +9,9 @@ import pytest
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.relighting import edit_lighting, rotate_lighting
 from lighting.envmap.shadow_mask import is_in_shade
+from lighting.errors import ParameterError
 from lighting.estimator import Estimator
+from lighting.fusion.user_input import UserInput
 from lighting.geometry import Pinhole, angle_between, camera_directions, camera_pixel
 from lighting.ground import (
     OBJECT_RADIUS,
@@ -232,3 +234,42 @@ def test_shares_add_up_and_are_enlarged_smoothly() -> None:
     enlarged = pixel_share(segments, 8, 3, SurfaceClass.WATER)
     assert enlarged.shape == (3, 8)
     assert (np.diff(enlarged[0]) >= 0).all()
+
+
+def test_an_object_stands_where_the_user_says() -> None:
+    photo, predicted = photo_from_array(np.full((60, 80, 3), 128, np.uint8)), prediction()
+    estimate = EstimatedLight(LIGHT, distribution())
+    light = describe_ground(photo, estimate, predicted, is_aerial=True, stated=(12.0, 55.0)).lighting
+    assert light.spot_pixel == (12.0, 55.0)
+    assert light.spot_direction is not None
+    camera = photo_camera(light, photo.width, photo.height)
+    np.testing.assert_allclose(camera_pixel(np.array(light.spot_direction), camera), (12.0, 55.0), atol=0.01)
+
+
+@pytest.mark.parametrize(("spot", "words"), [((90.0, 50.0), "outside the photo"), ((40.0, 2.0), "at the horizon")])
+def test_a_spot_without_ground_is_refused(spot: tuple[float, float], words: str) -> None:
+    photo, predicted = photo_from_array(np.full((60, 80, 3), 128, np.uint8)), prediction()
+    estimate = EstimatedLight(LIGHT, distribution())
+    with pytest.raises(ParameterError, match=words) as refused:
+        describe_ground(photo, estimate, predicted, stated=spot)
+    assert refused.value.field == "spot"
+
+
+def test_a_spot_is_read_and_checked() -> None:
+    assert UserInput(spot="640,820.5").spot == (640.0, 820.5)
+    assert UserInput(spot=(0.0, 0.0)).drawn_fields == ("spot",)
+    for wrong in ("640", "640,x", (1.0, float("nan")), (1.0,)):
+        with pytest.raises(ParameterError, match="spot"):
+            UserInput(spot=wrong)  # type: ignore[arg-type]
+
+
+def test_balls_cover_nothing_that_is_nearer() -> None:
+    """A pole stands where the left ball would be; beside it there is room."""
+    free = _find_ground_spot(cells(), CAMERA, 1.6)
+    pole = _find_ground_spot(cells((slice(4, 18), slice(8, 10), SurfaceClass.OBJECT)), CAMERA, 1.6)
+    assert free is not None
+    assert pole is not None
+    middle, radius = 9 * 1600 / 24, OBJECT_RADIUS * 1200
+    assert abs(free.pixel[0] - 2.6 * radius - middle) < radius
+    for ball in (-2.6, 0.0, 2.6):
+        assert abs(pole.pixel[0] + ball * radius - middle) > radius

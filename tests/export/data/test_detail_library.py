@@ -8,9 +8,11 @@ from PIL import Image
 
 import lighting.envmap.detail_library as detail_library
 from export.data.detail_library import (
+    _MOST_USED,
     _make_detail_library,
     _may_ship,
     _remove_glare,
+    balance_library,
     write_detail_library,
 )
 from export.data.panoramas import Panorama
@@ -78,3 +80,21 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
     assert picture.columns(slice(0, 192)).shape == (96, 192, 3)
     assert np.isfinite(library.features).all()
     assert library.kind.tolist() == ["city"]
+
+
+def test_no_panorama_is_chosen_for_too_many_photos() -> None:
+    costs = np.random.default_rng(2).random((200, 60))
+    costs[:, 7] -= 0.6  # suits nearly every photo
+    extra = balance_library(costs)
+    used = np.bincount((costs + extra).argmin(axis=1), minlength=60)
+    assert np.bincount(costs.argmin(axis=1))[7] > 100
+    assert used.max() <= _MOST_USED * 200
+    assert used[7] > 0
+    assert extra.argmax() == 7
+    assert np.median(extra) == 0
+
+
+def test_what_does_not_fit_is_not_chosen_for_the_sake_of_balance() -> None:
+    costs = np.full((100, 10), 20.0)
+    costs[:, 3] = 0.0
+    assert ((costs + balance_library(costs)).argmin(axis=1) == 3).all()

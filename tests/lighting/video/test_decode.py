@@ -18,6 +18,7 @@ from lighting.errors import VideoError
 from lighting.records import WarningCode
 from lighting.video import decode
 from lighting.video.decode import Clip, ClipForm, _readable, _to_srgb, _upright_pixels, local_address
+from lighting.video.framing import looks_logarithmic
 from tests.helpers.clips import Pixels, pan, write_clip
 from tests.helpers.pages import ROOT
 
@@ -481,6 +482,17 @@ def test_the_curve_that_a_file_beside_names_is_undone_and_said(tmp_path: Path) -
     assert float(luminance(frame).mean()) == pytest.approx(float(luminance(plain[0]).mean()), abs=6.0)
     with Clip(path, curve="srgb") as clip:
         assert clip.info.warnings == ()
+
+
+@pytest.mark.parametrize("curve", ["s-log3", "f-log2", "v-log", "c-log3", "n-log"])
+def test_every_logarithm_of_limited_range_looks_so(curve: Curve) -> None:
+    for name in ("wide_street", "railway_field", "snow_field"):
+        with Image.open(ROOT / "examples" / f"{name}.jpg") as photo:
+            linear = srgb_decode(np.asarray(photo.convert("RGB").resize((320, 240))) / 255.0)
+        wide = 0.85 * linear + 0.15 * linear.mean(axis=2, keepdims=True)  # primaries of a camera
+        codes = 1023.0 / 255.0 * logarithmic(wide, curve).astype(float)
+        assert looks_logarithmic([np.clip(255.0 * (codes - 64.0) / 876.0, 0.0, 255.0).astype(np.uint8)])
+        assert not looks_logarithmic([np.asarray(255.0 * linear, dtype=np.uint8)])
 
 
 def test_an_ordinary_clip_does_not_look_logarithmic(tmp_path: Path) -> None:
