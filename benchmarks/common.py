@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from typing import IO, Any
@@ -119,6 +120,20 @@ def run_python(*arguments: object, package: Path = ROOT, folder: Path | None = N
 def run_lighting(*arguments: object, package: Path = ROOT, folder: Path | None = None) -> ProcessCost:
     """Run a `lighting` command as `run_python` does."""
     return run_python("-m", "lighting", *arguments, package=package, folder=folder)
+
+
+def run_apart(work: Callable[..., Any], *arguments: object) -> None:
+    """Call a function in a process of its own: those that this one starts later inherit its peak memory.
+
+    Args:
+        work: of a module.
+        arguments: its own.
+    """
+    process = get_context("spawn").Process(target=work, args=arguments)
+    process.start()
+    process.join()
+    if process.exitcode:
+        raise SystemExit(f"{work.__name__} ended with status {process.exitcode}.")
 
 
 def take_turns(works: Sequence[Callable[[], float]], runs: int) -> list[list[float]]:

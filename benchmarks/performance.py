@@ -1,6 +1,8 @@
-"""Print how cost grows with photos, map height and clients, and what packings cost: docs/lab/performance.md's tables.
+"""Print how cost grows, and what packings cost: the tables of docs/lab/performance.md.
 
-    python -m benchmarks.performance [photos] [heights] [clients] [packings] [--photos 100 1000 10000] [--seconds 4]
+    python -m benchmarks.performance [photos] [megapixels] [heights] [films] [clients] [packings]
+
+It grows with photos, their size, map height, seconds of a clip (PyAV) and clients.
 
 Packings are those of EXR files of example photos, by one thread, beside OpenImageIO where that is installed.
 """
@@ -28,9 +30,11 @@ from benchmarks.common import (
     make_photo,
     make_photo_folder,
     measure_milliseconds,
+    run_apart,
     run_lighting,
 )
 from benchmarks.load import RECORD, run, started
+from benchmarks.video import make_clip
 from lighting import estimate
 from lighting.envmap.render import render
 from lighting.files import FileOptions, encode_envmap
@@ -64,6 +68,30 @@ def line_through(seconds: dict[int, float]) -> tuple[float, float]:
     low, high = min(seconds), max(seconds)
     each = (seconds[high] - seconds[low]) / max(high - low, 1)
     return max(seconds[low] - each * low, 0.0), each
+
+
+def megapixels_table(sizes: list[float]) -> Iterator[str]:
+    """Processor time and peak memory of a map and of a scene by the photo's megapixels."""
+    yield f"| megapixels | envmap, CPU s | MB | scene, CPU s | MB |\n|{' ---: |' * 5}"
+    with tempfile.TemporaryDirectory() as name:
+        photo, out = Path(name, "photo.jpg"), Path(name, "out.exr")
+        for size in sizes:
+            height = round((size * 1e6 * 3 / 4) ** 0.5)
+            run_apart(make_photo, photo, (height * 4 // 3, height))
+            envmap = run_lighting("envmap", photo, "-o", out, "--overwrite", "-q")
+            scene = run_lighting("scene", photo, "--for", "blender", "-o", f"{name}/scene", "--overwrite", "-q")
+            costs = (f"{cost.processor_seconds:.2f} | {cost.peak:.0f}" for cost in (envmap, scene))
+            yield f"| {size:g} | {' | '.join(costs)} |"
+
+
+def films_table(lengths: list[float]) -> Iterator[str]:
+    """Processor time and peak memory of `lighting video` by the seconds of the clip."""
+    yield f"| seconds of a clip | CPU s | MB |\n|{' ---: |' * 3}"
+    with tempfile.TemporaryDirectory() as name:
+        for length in lengths:
+            run_apart(make_clip, clip := Path(name, "clip.mp4"), length)
+            cost = run_lighting("video", clip, "-o", f"{name}/out", "--overwrite", "-q")
+            yield f"| {length:g} | {cost.processor_seconds:.1f} | {cost.peak:.0f} |"
 
 
 def heights_table(runs: int) -> Iterator[str]:
@@ -151,14 +179,18 @@ def encode_by_openimageio(image: NDArray[np.float32]) -> bytes:
 def main() -> None:
     """Print the parts that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("parts", nargs="*", help="photos, heights, clients or packings; all by default")
+    parser.add_argument("parts", nargs="*", help="as above; all by default")
     parser.add_argument("--photos", type=int, nargs="+", default=[100, 1000, 10_000])
+    parser.add_argument("--megapixels", type=float, nargs="+", default=[1, 12, 48, 108])
+    parser.add_argument("--films", type=float, nargs="+", default=[1, 10, 60], help="seconds")
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--seconds", type=float, default=4.0, help="for each number of clients")
     options = parser.parse_args()
     tables = {
         "photos": lambda: photos_table(options.photos),
+        "megapixels": lambda: megapixels_table(options.megapixels),
         "heights": lambda: heights_table(options.runs),
+        "films": lambda: films_table(options.films),
         "clients": lambda: clients_table(options.seconds),
         "packings": lambda: packings_table(options.runs),
     }

@@ -17,7 +17,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
-from benchmarks.common import EXAMPLE, ROOT, ProcessCost, describe_machine, make_photo, median_ratio, run_lighting
+from benchmarks.common import (
+    EXAMPLE,
+    ROOT,
+    ProcessCost,
+    describe_machine,
+    make_photo,
+    median_ratio,
+    run_apart,
+    run_lighting,
+)
 from lighting.checksum import verify_checksums
 
 COMMANDS: dict[str, tuple[str, ...]] = {
@@ -91,7 +100,7 @@ def main() -> None:
         checkouts = [ROOT, *([options.against] if options.against else [])]
         folders = [Path(name, str(number)) for number in range(len(checkouts))]
         sites = [install_wheel(checkout, folder) for checkout, folder in zip(checkouts, folders, strict=True)]
-        make_photo(Path(name, "photo.jpg"))
+        run_apart(make_photo, Path(name, "photo.jpg"))
         print(f"medians of {options.runs} runs from a wheel; {describe_machine()}")
         print(f"{'':<22}{'ms':>8}{'CPU ms':>10}{'MB':>8}{'  x time  x CPU ms  other MB' if options.against else ''}")
         for command in options.commands or COMMANDS:

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from benchmarks.common import EXAMPLE, ROOT, describe_machine, median_ratio, run_lighting
+from benchmarks.common import EXAMPLE, ROOT, describe_machine, median_ratio, run_apart, run_lighting
 
 SIZE = (1920, 1080)
 _RATE = 30  # frames a second
 _REACH = 1.6  # times the width of a frame, over which the camera moves in ten seconds and back
 
 
-def make_clip(path: Path, seconds: float) -> Path:
-    """A clip of a camera that moves to and fro over an example photo."""
+def make_clip(path: Path, seconds: float) -> None:
+    """Write a clip of a camera that moves to and fro over an example photo."""
     import av
 
     width, height = SIZE
@@ -38,7 +38,6 @@ def make_clip(path: Path, seconds: float) -> Path:
             picture = np.ascontiguousarray(pixels[:, left : left + width])
             film.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
         film.mux(stream.encode())
-    return path
 
 
 def main() -> None:
@@ -50,7 +49,8 @@ def main() -> None:
     options = parser.parse_args()
     packages = [ROOT, *([options.against.resolve()] if options.against else [])]
     with tempfile.TemporaryDirectory() as name:
-        clip, outs = make_clip(Path(name, "clip.mp4"), options.seconds), [Path(name, str(p)) for p in range(2)]
+        run_apart(make_clip, clip := Path(name, "clip.mp4"), options.seconds)
+        outs = [Path(name, str(number)) for number in range(2)]
         turns = [
             [
                 run_lighting("video", clip, "-o", out, "--overwrite", "-q", package=package)
