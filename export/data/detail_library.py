@@ -48,6 +48,7 @@ _LEFT_OUT = (
     *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
     "industrial_sunset_02",  # no detail but rows of plants
     *("docklands_02_sceneview", "mfecane_1208", "mfecane_1211", "mfecane_1227"),  # one knows the place: crane, ruin
+    "mfecane_1222",  # a wall so near that it fills half the map
     *("mfecane_1186", "mfecane_1200", "mfecane_1210", "modern_buildings_2"),  # a roof, a pool, a pavilion
 )
 _KIND_OF = {  # the others are cities
