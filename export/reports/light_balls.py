@@ -1,6 +1,6 @@
 """Three balls lit by maps of crops, by the protocol that DiffusionLight [1] made usual.
 
-Maps of HEIGHT rows are taken to the power 1 / GAMMA and scaled to a median of one half, without clipping: so one reads
+Maps of HEIGHT rows are taken to the power 1 / GAMMA and scaled to a median of one half, without clipping. So one reads
 them as pictures, not as light. They light a diffuse, a matte silver and a mirror ball, seen from VIEW meters away and
 above. Figures: the error after the best scale (SI-RMSE), and the angle between RGB vectors. Linear light has larger
 errors: never compare the two.

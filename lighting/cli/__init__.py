@@ -1,7 +1,7 @@
 """The command line: parse, call the library, print.
 
 A command's module is imported when it is called, and nothing heavy before it is needed. Results go to stdout; progress,
-errors and counts to stderr. Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage;
+errors and counts to stderr. Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage.
 3: with --strict, a photo is probably not of outdoors by daylight; 4: with --require sure, an answer is not sure.
 
 Commands and groups show examples in their help, know old names of options, and suggest what was probably meant.

@@ -1,9 +1,10 @@
 """The library of detail: small CC0 panoramas of real places, which of them suits a photo, and its detail in a map.
 
 A map takes from one of them what is finer than the network's cells. What the photo shows in each cell decides which:
-brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it, how much of plants,
-buildings and water its kind of place has all around, and the colors of ground and leaves: no lawn goes on as paving.
-Its sun counts too, so that shadows agree. Snow is for photos of snow alone, shores for photos of water.
+brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it, and how much
+of plants, buildings and water its kind of place has all around. Colors of ground and leaves count: no lawn goes on as
+paving. Its sun counts too, so that shadows agree. Snow is for photos of snow alone, shores for photos of water.
+
 `python -m export.data.detail_library` made the file.
 """
 

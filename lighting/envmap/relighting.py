@@ -200,7 +200,7 @@ def light_of_map(lighting: Lighting, options: MapOptions) -> Lighting:
 def adjust_lighting(lighting: Lighting, adjustments: Adjustments) -> Lighting:
     """The light as a user adjusts it: another sun, haze, a covered sky, and last a gain.
 
-    Powers follow as in `edit_lighting`. The radii around a sun that was set by hand are 0, and it shines: where the
+    Powers follow as in `edit_lighting`. The radii around a sun that was set by hand are 0, and it shines. Where the
     light had none, it is as strong as the sky's light, or as the network has a sun there, if that is more.
 
     Args:

@@ -14,9 +14,9 @@ const FIELDS = { shadow: "shadow", horizon: "horizon", size: "reference" } as co
 const HELP: Record<Tool, string> = {
   place: "Tap the ground, and the object stands there.",
   sun: "Drag anywhere: left and right turn the sun, up and down raise it.",
-  shadow: "Drag from the foot of a post, person or trunk to the tip of its shadow.",
+  shadow: "Drag from the foot of a thing to the tip of its shadow.",
   horizon: "Drag along the horizon, from left to right.",
-  size: "Drag from the foot of a thing to its top, then say how high it is.",
+  size: "Drag from a thing's foot to its top; then say how high it is.",
 };
 const KINDS: Record<string, { name: string; help: string; taps?: boolean }> = {
   "": { name: "from a foot to its tip", help: HELP.shadow },
