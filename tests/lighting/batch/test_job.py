@@ -37,6 +37,7 @@ def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_pat
             "yaw": 0.0,
             "sky": None,
             "around": None,
+            "backdrop": None,
             "disc": True,
             "adjustments": {"sun": None, "exposure": 0.0, "haze": None, "overcast": False, "pick": None},
         },
