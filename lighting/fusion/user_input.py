@@ -59,13 +59,13 @@ class UserInput:
     horizon: Line | None = None
     """Two points of the horizon: x, y, x, y in pixels of the upright picture."""
     verticals: tuple[Line, ...] = ()
-    """Edges that stand upright in the world, as `horizon`."""
+    """Edges that stand upright in the world, each x, y, x, y in pixels as `horizon`."""
     reference: Reference | None = None
     """A thing of known size, which gives the camera's height."""
     camera: KnownCamera | None = None
     """The camera that another program has found, such as fSpy."""
     spot: tuple[float, float] | None = None
-    """x, y in pixels of the upright picture: where an object stands on the ground. None: where the photo shows room."""
+    """(x, y) in pixels of the upright picture: where an object stands on the ground. None: where the photo shows room."""
 
     def __init__(
         self,

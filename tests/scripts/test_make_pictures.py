@@ -16,6 +16,7 @@ OTHERS = {  # pictures that another command makes, or a hand
     "towns.jpg": "training data",
     "reliability.png": "python -m export evaluate --card",
     "how-it-works.svg": "a hand",
+    "draw-a-shadow.webp": "a hand, in the page",
 }
 
 

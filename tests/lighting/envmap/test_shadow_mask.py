@@ -70,7 +70,7 @@ def test_ground_that_is_all_in_shade_is_told_where_the_sun_is_strong() -> None:
 
 def test_doubt_that_the_sun_shines_makes_shade_likelier() -> None:
     level = 0.04 / GROUND_ALBEDO * SUNLIT_GROUND
-    there, doubtful = (ground_shadow_mask(photo(level, level), replace(LIGHT, sun_visibility=v)) for v in (1.0, 0.3))
+    there, doubtful = (ground_shadow_mask(photo(level, level), replace(LIGHT, sun_visibility=v)) for v in (1.0, 0.6))
     assert [there[50:].min(), doubtful[50:].max()] == [1.0, 0.0]
 
 

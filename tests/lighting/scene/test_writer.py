@@ -184,7 +184,7 @@ def test_the_mask_is_white_in_the_sun_and_black_in_shade() -> None:
 
 
 def test_a_template_must_get_every_value() -> None:
-    page = fill_template("viewer.html", {"scene": "{}", "three": "1", "viewer": "2"})
+    page = fill_template("viewer.html", {"scene": "{}", "three": "1", "viewer": "2", "note": "3"})
     assert "$" not in page
     with pytest.raises(KeyError):
         fill_template("viewer.html", {"scene": "{}"})
@@ -192,12 +192,13 @@ def test_a_template_must_get_every_value() -> None:
 
 @pytest.mark.parametrize("tool", EXPORTERS)
 def test_a_writer_takes_the_options_of_its_entry(tool: str) -> None:
-    module = "cubemap" if tool == "filament" else tool  # both are cubemaps
+    module = {"filament": "cubemap", "page": "threejs"}.get(tool, tool)  # two write cubemaps, two pages
     write = getattr(import_module(f"lighting.scene.{module}"), f"write_{tool}")
     parameters = inspect.signature(write).parameters
     options = EXPORTERS[tool].options
     assert set(parameters) - {"scene", "folder"} == set(options)
-    assert all(parameters[name].default == option.default for name, option in options.items())
+    off = {name: False for name, option in options.items() if not option.choices}  # a switch
+    assert all(parameters[name].default == off.get(name, option.default) for name, option in options.items())
 
 
 def test_an_option_of_another_tool_is_named_with_its_tool() -> None:
