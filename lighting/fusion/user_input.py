@@ -65,7 +65,7 @@ class UserInput:
     camera: KnownCamera | None = None
     """The camera that another program has found, such as fSpy."""
     spot: tuple[float, float] | None = None
-    """(x, y) in pixels of the upright picture: where an object stands on the ground. None: where the photo shows room."""
+    """(x, y) in pixels of the upright picture: where an object stands. None: where the photo shows room."""
 
     def __init__(
         self,
