@@ -19,6 +19,7 @@ interface Target {
 const TOOL_LABELS: Record<string, string> = {
   ...{ blender: "Blender", unreal: "Unreal", unity: "Unity", godot: "Godot" },
   ...{ usd: "USD", gltf: "glTF", filament: "Filament", cubemap: "Cubemap", threejs: "three.js", mitsuba: "Mitsuba" },
+  ...{ page: "Web page", fspy: "fSpy" },
 };
 const CHOSEN_TARGET = "lighting-download-for"; // under which the browser keeps the latest one
 const TONED_NOTE = "The preview cannot show your sun's color or softness. Press Reset first.";
