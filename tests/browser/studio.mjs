@@ -6,7 +6,6 @@ export const flat = true; // no page of it has WebGL
 const LIGHT_CONTROLS = ["sun", "sun_azimuth", "sun_elevation", "warmth", "softness", "turbidity", "exposure"];
 const SIZES = [[390, 844, "light"], [768, 1024, "dark"], [1440, 900, "light"], [844, 390, "dark"]]; // biome-ignore format: a table
 const LEAST_TARGET = 44; // pixels
-const SETTLED = 2000; // ms, in which a page has scrolled
 
 export async function visit(browser, url, seen, { photo, folder }) {
   seen.views = [];
@@ -48,14 +47,14 @@ async function controlsWithoutPicture(page) {
   const hidden = [];
   for (const id of LIGHT_CONTROLS) {
     await page.focus(`#${id}`);
-    const isInSight = (id) => {
+    await page.waitForTimeout(50);
+    const inSight = await page.evaluate((id) => {
       const picture = document.getElementById("frame").getBoundingClientRect();
       const control = document.getElementById(id).getBoundingClientRect();
       const [x, y] = [control.left + control.width / 2, control.top + control.height / 2];
       const isOnTop = document.elementFromPoint(x, y)?.id === id || document.getElementById(id).disabled;
       return isOnTop && picture.top >= -1 && picture.bottom <= innerHeight + 1 && picture.width > 200;
-    };
-    const inSight = await page.waitForFunction(isInSight, id, { timeout: SETTLED }).catch(() => null);
+    }, id);
     if (!inSight) hidden.push(id);
   }
   return hidden;
