@@ -89,9 +89,7 @@ def encode_scene_file(scene: Scene, tool: str, **options: Any) -> bytes:
     Raises:
         SceneError: the tool or the scene is none.
     """
-    stream = BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        _write(scene, tool, _Archive(archive), options)
+    with zipfile.ZipFile(BytesIO(zip_scene(scene, tool, **options))) as archive:
         (name,) = archive.namelist()
         return archive.read(name)
 
