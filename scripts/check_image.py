@@ -33,6 +33,7 @@ from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 from scripts.build_image import (
     NEW_NETWORK,
@@ -292,7 +293,7 @@ def check_process(pid: int, uid: int, image: Image) -> None:
     expect(b"Read-only" in subprocess.run(writing, capture_output=True).stderr, "its files are read-only")
 
 
-def check_command_line(image: Image, sun: dict[str, float | list[float]]) -> None:
+def check_command_line(image: Image, sun: dict[str, Any]) -> None:
     """Check that `docker run -i IMAGE lighting estimate --json -` gives the sun of the service, but for rounding."""
     began = time.monotonic()
     with PHOTO.open("rb") as photo:
@@ -300,15 +301,19 @@ def check_command_line(image: Image, sun: dict[str, float | list[float]]) -> Non
         result = subprocess.run(command, stdin=photo, capture_output=True, timeout=START, check=True)
     seconds = time.monotonic() - began
     told = json.loads(result.stdout)["lighting"]["sun"]
-    same = told.keys() == sun.keys() and all(_is_close(told[name], value) for name, value in sun.items())
-    expect(same, f"`lighting estimate` in it says the same as the service, in {seconds:.1f} s")
+    expect(_is_close(told, sun), f"`lighting estimate` in it says the same as the service, in {seconds:.1f} s")
 
 
-def _is_close(told: float | list[float], other: float | list[float]) -> bool:
-    """Whether two numbers or vectors agree; sessions for one and for many runs differ in a record's last digit."""
-    if isinstance(told, list) and isinstance(other, list):
-        return len(told) == len(other) and all(map(_is_close, told, other))
-    return not isinstance(told, list) and not isinstance(other, list) and math.isclose(told, other, rel_tol=1e-4)
+def _is_close(told: Any, other: Any) -> bool:
+    """Whether parts of two records agree; sessions for one and for many runs differ in a record's last digit."""
+    match told, other:
+        case dict(), dict():
+            return told.keys() == other.keys() and all(_is_close(told[name], other[name]) for name in told)
+        case list(), list():
+            return len(told) == len(other) and all(map(_is_close, told, other))
+        case int() | float(), int() | float():
+            return math.isclose(told, other, rel_tol=1e-4)
+    return bool(told == other)
 
 
 def _resident(pid: int) -> int:
