@@ -18,14 +18,14 @@ PHOTOS = {  # name here: name there
     "street_in_shade.jpg": "rome_0511.jpg",
     "afternoon_square.jpg": "rome_0477.jpg",
 }
-PAGE = ("brick_street.jpg", "garden_windows.jpg", "lake_clouds.jpg", "beach_storm.jpg", "shore_dusk.jpg")
-LARGE = (*PAGE, "meadow_edge.jpg", "beach_evening.jpg")
+PAGE = ("brick_street.jpg", "garden_windows.jpg", "lake_clouds.jpg", "shore_dusk.jpg")
+LARGE = (*PAGE, "beach_storm.jpg", "meadow_edge.jpg", "beach_evening.jpg")
 LARGE_SIZE = (1600, 1200)
 LARGE_QUALITY = 75
 QUALITY = 82
 THUMB = (240, 180)
 THUMB_QUALITY = 72
-SHOWN = (*PAGE, "rome/golden_hour.jpg")
+SHOWN = (*PAGE, "rome/golden_hour.jpg", "rome/afternoon_square.jpg")
 
 
 def reduce_photo(source: Path, target: Path) -> None:

@@ -158,7 +158,7 @@ class MapOptions:
     )
     """Rows of the map, even, 16 to 4096."""
     sun: bool | None = option(None, OptionText("paint the sun; by default if it likely shines"))
-    """Whether the sun is in the map. None: by `Lighting.sun_painted`."""
+    """Whether the sun is in the map; True also turns on one that did not shine. None: by `Lighting.sun_painted`."""
     yaw: float = option(
         0.0, OptionText("turn the map, with sun and record, to the right", "DEG", (-360.0, 360.0), 90.0)
     )

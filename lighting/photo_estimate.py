@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera, size_in_envmap
-from lighting.envmap.relighting import adjust_lighting, edit_lighting, light_of_map
+from lighting.envmap.relighting import adjust_lighting, edit_lighting, edit_photo_light, light_of_map
 from lighting.errors import warn_of_old_name
 from lighting.fields import RANGES, check_range, describe_fields, format_azimuth, format_sun_elevation, format_tilt
 from lighting.files import DEFAULT_FILE, FileOptions
@@ -103,7 +103,7 @@ class Estimate(EstimatedLight):
         shown = self.photo_lighting
         if photo_exposure is not None and photo_exposure != shown.exposure:
             shown = edit_lighting(shown, {"exposure": photo_exposure})
-        return dataclasses.replace(self, lighting=edit_lighting(self.lighting, changes), photo_lighting=shown)
+        return dataclasses.replace(self, lighting=edit_photo_light(self.lighting, changes), photo_lighting=shown)
 
     def render(self, options: MapOptions = DEFAULT_MAP) -> "RenderedMap":
         """Render the environment map; of a high one the photo is read again with more of its pixels.
@@ -215,7 +215,8 @@ class Estimate(EstimatedLight):
         with trace_step("map"), ONE_BLAS_THREAD:
             image, _ = render_view(light, options.height, sun=options.sun, context=context, disc=options.disc)
             shown = dataclasses.replace(self, lighting=light)
-            return Image.fromarray(draw_preview_pixels(expose_photo(pixels, gain), shown, image))
+            exposed, photo_sun = expose_photo(pixels, gain), self.photo_lighting.sun_painted
+            return Image.fromarray(draw_preview_pixels(exposed, shown, image, photo_sun=photo_sun))
 
     def preview_candidates(self, options: MapOptions = DEFAULT_MAP) -> "Pictures.Image":
         """Draw the photo and its balls in the light of each of `lighting.sun_candidates`, side by side.
@@ -242,7 +243,8 @@ class Estimate(EstimatedLight):
                 image, _ = render_view(light, options.height, sun=options.sun, context=context, disc=options.disc)
                 views.append((light, image))
             suns = self.lighting.sun_candidates
-            return Image.fromarray(draw_candidates_pixels(pixels, suns, views, self.segments))
+            photo_sun = self.photo_lighting.sun_painted
+            return Image.fromarray(draw_candidates_pixels(pixels, suns, views, self.segments, photo_sun=photo_sun))
 
     def make_scene(self, options: MapOptions = DEFAULT_MAP) -> "Scene":
         """Make the photo's scene, which `lighting.scene.writer` writes for any tool.

@@ -218,7 +218,7 @@ class AdjustQuery(ViewQuery):
 
     sun: types.SunOrFlag = Field(  # type: ignore[assignment]  # also moves it
         None,
-        description=f"AZIMUTH,ELEVATION in deg moves the sun; false leaves it out; true paints it; {SUN_BY_DEFAULT}",
+        description=f"AZIMUTH,ELEVATION in deg moves the sun; false leaves it out; true turns it on; {SUN_BY_DEFAULT}",
     )
 
     def _sun_in_map(self) -> bool | None:
@@ -313,6 +313,11 @@ class PreviewQuery(UserInputQuery, AdjustQuery, PlaceQuery):
 
 class PhotoEditQuery(AdjustQuery, PlaceQuery, UserInputQuery, _EditQuery):
     """What is made of a photo's light, which may be edited before."""
+
+    def changes(self) -> dict[str, float | Color]:
+        """As of any edit; a sun that is turned on, and whose irradiance is stated, shines."""
+        turned_on = self.sun is True and self.sun_irradiance is not None
+        return super().changes() | ({"sun_visibility": 1.0} if turned_on else {})
 
 
 class GroundQuery(UserInputQuery):

@@ -15,7 +15,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES, clip_color, round_significant
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.map_options import Adjustments, MapOptions
-from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting, visibility_attenuation
+from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting
 from lighting.sky import SKY_MODEL
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
@@ -24,6 +24,9 @@ _ANGLE_DIGITS = 6  # behind the point, of rotated angles in degrees; records of 
 _MIN_ELEVATION = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
 _HIGH_ELEVATION = 30.0  # deg, of a sun at full strength
 _MIN_CHANNEL_SHARE = 0.05  # of that sun's channels, which the model's has at least: in haze a low one has none
+_SUNNY_COVER = 0.5  # largest cover of a sky whose sun is turned on by hand
+_WHITE_ELEVATION = 60.0  # deg, of a sun for which cameras' white is set
+_MAX_SKY_GAIN = 2.0  # by which a sun that is moved brightens a sky: the photo stays exposed for its own
 
 
 def rotate_envmap(image: Image, yaw: float) -> Image:
@@ -141,6 +144,28 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
     return _darken_set_sun(replace(changed, **rescaled), changes)
 
 
+def edit_photo_light(lighting: Lighting, changes: Mapping[str, float | Color]) -> Lighting:
+    """`edit_lighting` of a photo's light, whose photo keeps its exposure.
+
+    A sun that is raised makes the stated sky twice as bright at most, and sun and sky then dim alike.
+
+    Args:
+        lighting: as there.
+        changes: as there.
+    """
+    edited = edit_lighting(lighting, changes)
+    sun, sky, before = edited.sun_irradiance, edited.sky_irradiance, lighting.sky_irradiance
+    if sun is None or sky is None or before is None or "sun_elevation" not in changes or "sky_irradiance" in changes:
+        return edited
+    exposed = float(luminance(np.array(before))) * edited.exposure / max(lighting.exposure, EPSILON_IRRADIANCE)
+    gain = _MAX_SKY_GAIN * exposed / max(float(luminance(np.array(sky))), EPSILON_IRRADIANCE)
+    if gain >= 1:
+        return edited
+    dimmed = scale_exposure(edited, np.full(3, gain))
+    kept = edited.sun_irradiance if "sun_irradiance" in changes else dimmed.sun_irradiance
+    return replace(edited, sun_irradiance=kept, sky_irradiance=dimmed.sky_irradiance)
+
+
 def _darken_set_sun(lighting: Lighting, changes: Mapping[str, float | Color]) -> Lighting:
     """The changed light without direct sunlight, apart from what is stated, if its sun was set below the horizon."""
     if lighting.sun_elevation >= 0 or "sun_elevation" not in changes:
@@ -189,19 +214,23 @@ def _model_sky_irradiance(lighting: Lighting) -> Floats:
 def light_of_map(lighting: Lighting, options: MapOptions) -> Lighting:
     """The light that a map shows, before it is turned: adjusted by hand, under the sky that was chosen.
 
+    A sun that is turned on shines, as `adjust_lighting` has it of one that is moved.
+
     Args:
         lighting: before, else ParameterError.
         options: of the map.
     """
     light = adjust_lighting(lighting, options.adjustments)
+    if options.sun and not light.sun_shines and light.sun_elevation >= 0:
+        light = _with_shining_sun(light)
     return light if options.sky is None else replace(light, sky_model=SKY_MODEL, sky_painted=options.sky)
 
 
 def adjust_lighting(lighting: Lighting, adjustments: Adjustments) -> Lighting:
     """The light as a user adjusts it: another sun, haze, a covered sky, and last a gain.
 
-    Powers follow as in `edit_lighting`. The radii around a sun that was set by hand are 0, and it shines. Where the
-    light had none, it is as strong as the sky's light, or as the network has a sun there, if that is more.
+    Powers follow as in `edit_photo_light`. The radii around a sun that was set by hand are 0, and it shines. Where the
+    light had none, it is as strong against the sky as the model's is, and at least half of the sky is clear.
 
     Args:
         lighting: before, else ParameterError.
@@ -220,7 +249,7 @@ def adjust_lighting(lighting: Lighting, adjustments: Adjustments) -> Lighting:
         lighting = lighting if lighting.sun_shines or elevation < 0 else _with_shining_sun(lighting)
     if adjustments.haze is not None:
         changes["turbidity"] = float(adjustments.haze)
-    adjusted = edit_lighting(lighting, changes) if changes else lighting
+    adjusted = edit_photo_light(lighting, changes) if changes else lighting
     if adjustments.overcast:
         adjusted = _cover_sky(adjusted)
     return scale_exposure(adjusted, np.full(3, 2.0**adjustments.exposure)) if adjustments.exposure else adjusted
@@ -237,14 +266,15 @@ def _picked_sun(lighting: Lighting, number: int) -> tuple[float, float]:
 
 
 def _with_shining_sun(lighting: Lighting) -> Lighting:
-    """The light with direct sunlight, where it has none."""
+    """The light with direct sunlight, where it has none, under a sky that lets it through."""
+    shining = replace(lighting, sun_visibility=1.0)
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
-        return replace(lighting, sun_visibility=1.0)
-    sun, sky = np.array(lighting.sun_irradiance), np.array(lighting.sky_irradiance)
-    sun = sun / max(visibility_attenuation(lighting.sun_visibility), EPSILON_IRRADIANCE)
-    gain = float(luminance(sky)) / max(float(luminance(sun)), EPSILON_IRRADIANCE)
-    sun = sky if not sun.any() else sun * max(gain, 1.0)
-    return replace(lighting, sun_visibility=1.0, sun_irradiance=clip_color(sun, "sun_irradiance"))
+        return shining
+    level, model_level = (float(luminance(sky)) for sky in (sky_irradiance(lighting), clear_irradiance(lighting)))
+    white = _model_sun_irradiance(replace(lighting, sun_elevation=_WHITE_ELEVATION))
+    color = _model_sun_irradiance(lighting) / white * float(luminance(white))
+    sun = clip_color(color * level / max(model_level, EPSILON_IRRADIANCE), "sun_irradiance")
+    return replace(shining, sun_irradiance=sun, sky_cover=min(lighting.sky_cover or 0.0, _SUNNY_COVER))
 
 
 def _cover_sky(lighting: Lighting) -> Lighting:

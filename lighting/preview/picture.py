@@ -111,7 +111,11 @@ def expose_photo(photo: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:
 
 
 def draw_preview_pixels(
-    photo: NDArray[np.uint8], estimate: EstimatedLight, envmap: NDArray[np.float32]
+    photo: NDArray[np.uint8],
+    estimate: EstimatedLight,
+    envmap: NDArray[np.float32],
+    *,
+    photo_sun: bool | None = None,
 ) -> NDArray[np.uint8]:
     """The picture of a photo and its light, as sRGB pixels (H, 1600, 3).
 
@@ -119,6 +123,7 @@ def draw_preview_pixels(
         photo: (H, W, 3) sRGB, upright, at the exposure of the light.
         estimate: the photo's light.
         envmap: (H, 2H, 3), the light's own map in the photo's linear values, with or without the sun's disc.
+        photo_sun: whether the sun shines in the photo itself; None: as in the light.
 
     Raises:
         ParameterError: `estimate` is no EstimatedLight.
@@ -140,8 +145,9 @@ def draw_preview_pixels(
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)
     map_panel = _draw_map_panel(envmap, lighting, aspect, plan.envmap)
+    photo_panel = _draw_photo_panel(photo, lighting, plan.photo, photo_scene, estimate.segments, photo_sun)
     for box, caption, panel in (
-        (plan.photo, photo_text, _draw_photo_panel(photo, lighting, plan.photo, photo_scene, estimate.segments)),
+        (plan.photo, photo_text, photo_panel),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (plan.envmap, "Environment map, the photo's view outlined", map_panel),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(scene, lighting, plan.spheres)),
@@ -159,6 +165,8 @@ def draw_candidates_pixels(
     suns: Sequence[SunCandidate],
     views: Sequence[tuple[Lighting, NDArray[np.float32]]],
     segments: Segments | None = None,
+    *,
+    photo_sun: bool | None = None,
 ) -> NDArray[np.uint8]:
     """The photo in the light of each of its suns, side by side, as sRGB pixels (H, 1600, 3).
 
@@ -167,6 +175,7 @@ def draw_candidates_pixels(
         suns: N, one or more.
         views: N, the light with that sun, and its map (H, 2H, 3) in the photo's linear values.
         segments: of the photo; None: nothing stands before its ground.
+        photo_sun: whether the sun shines in the photo itself; None: as in the lights.
     """
     photo, count = check_pixels(photo), len(suns)
     aspect = min(max(photo.shape[1] / photo.shape[0], 0.5), 2.0)
@@ -185,7 +194,7 @@ def draw_candidates_pixels(
         size = _fit_text_size(caption, _LETTERS + 2, width)
         draw_text(canvas, (left, top - _CAPTION + 2), caption, TextStyle(size, TEXT))
         for place, panel in (
-            (box, _draw_photo_panel(photo, light, box, in_photo, segments)),
+            (box, _draw_photo_panel(photo, light, box, in_photo, segments, photo_sun)),
             (spheres, _spheres_panel(scene, light, spheres)),
         ):
             canvas.paste(panel, (place.x, place.y), rounded_mask(panel.size, 10))
@@ -319,6 +328,7 @@ def _draw_photo_panel(
     box: _Box,
     scene: SphereScene | None = None,
     segments: Segments | None = None,
+    photo_sun: bool | None = None,
 ) -> Image.Image:
     """The photo with its horizon and its sun.
 
@@ -328,12 +338,13 @@ def _draw_photo_panel(
         box: the panel's size.
         scene: balls to put on the photo's ground; None for none.
         segments: of the photo; None: nothing stands before its ground.
+        photo_sun: whether the sun shines in the photo itself; None: as in the light.
     """
     panel = Image.new("RGB", (box.width, box.height), drawing.PANEL)
     height, width = photo.shape[:2]
     size = fit_in_box(width, height, box.width, box.height)
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
-    picture = picture if scene is None else insert_balls(picture, lighting, scene, segments)
+    picture = picture if scene is None else insert_balls(picture, lighting, scene, segments, photo_sun)
     drawing.draw_horizon(picture, lighting)
     drawing.draw_sun(picture, lighting)
     panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))

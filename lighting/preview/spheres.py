@@ -462,7 +462,11 @@ def _contact(normals: Floats) -> Floats:
 
 
 def insert_balls(
-    picture: Image.Image, lighting: Lighting, scene: SphereScene, segments: Segments | None = None
+    picture: Image.Image,
+    lighting: Lighting,
+    scene: SphereScene,
+    segments: Segments | None = None,
+    photo_sun: bool | None = None,
 ) -> Image.Image:
     """The picture with balls on its ground; as it is where the record states no spot for them.
 
@@ -471,6 +475,7 @@ def insert_balls(
         lighting: the photo's light, camera and spot.
         scene: balls in the light of the photo's own map; they are moved to the spot.
         segments: of the photo: what stands before the ground takes no shadow. None: nothing does.
+        photo_sun: whether the sun shines in the photo itself: else it has no shade. None: as in `lighting`.
     """
     if lighting.spot_direction is None:
         return picture
@@ -478,7 +483,7 @@ def insert_balls(
     centers, radius = _ball_centers(camera, np.array(lighting.spot_direction), lighting.camera_height)
     moved = replace(scene, centers=centers.astype(np.float32))
     linear = SRGB_LINEAR[np.asarray(picture)]
-    lit = ground_shadow_mask(np.asarray(picture), lighting, segments=segments)
+    lit = ground_shadow_mask(np.asarray(picture), lighting, sun=photo_sun, segments=segments)
     in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
     standing = _dim_sun(moved, 0.0) if in_shade else moved
     points, near = _coarse_ground_points(camera, moved)

@@ -316,5 +316,6 @@ def make_scene(
         environment = render_with_surroundings(lighting, context, map_height, sun=shines, disc=False)
     direct = sun_light(lighting)[0] if shines else np.zeros(3)
     light = context.light_at_exposure(lighting) if context else lighting
-    lit = ground_shadow_mask(photo.pixels, light, sun=shines, segments=segments)
+    has_shade = shines and (context is None or context.light is None or context.light.sun_painted)
+    lit = ground_shadow_mask(photo.pixels, light, sun=has_shade, segments=segments)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit, segments)

@@ -125,7 +125,9 @@ export function statedOverrides(
   return {
     ...{ ...overridesFromParameters(parameters), photo_exposure: sky.exposure },
     ...(hasIrradiances ? { sun_irradiance: stated.sun, sky_irradiance: stated.sky } : {}),
-    ...(sky.cover === undefined && !isToned(parameters) ? {} : { sky_cover: coverOf(sky.cover, parameters) }),
+    ...(sky.cover === undefined && !isToned(parameters)
+      ? {}
+      : { sky_cover: coverOf(sky.cover, isSunny(estimate), parameters) }),
     ...(ground?.color ? { ground_color: ground.color } : {}),
   };
 }
@@ -169,7 +171,9 @@ export function buildRecord(
   const { azimuth, elevation } = { azimuth: parameters.sun_azimuth, elevation: parameters.sun_elevation };
   const hasIrradiances = record.sky.irradiance !== undefined || isToned(parameters);
   const cover =
-    record.sky.cover === undefined && !isToned(parameters) ? undefined : coverOf(record.sky.cover, parameters);
+    record.sky.cover === undefined && !isToned(parameters)
+      ? undefined
+      : coverOf(record.sky.cover, isSunny(record), parameters);
   return {
     ...rest,
     evidence: [],

@@ -182,6 +182,25 @@ describe("what a record may state", () => {
     expectNear(renderLight(tables, question({ parameters: low, estimated: low, stated }), 32).sun, stated.sun, 1e-6);
   });
 
+  it("becomes a sun as strong against the sky as the model's where one is turned on", () => {
+    const estimated = { ...P, sun: false };
+    const stated = { sun: [1e-5, 1e-5, 1e-5], sky: [0.5, 0.6, 0.9], cover: 0.9 } as SkyRequest["stated"];
+    const model = renderLight(tables, question({}), 32);
+    const lit = renderLight(tables, { parameters: P, estimated, stated }, 32);
+    const strength = ({ sun, sky }: SceneLight): number => rgbLuminance(sun) / rgbLuminance(sky);
+    expect(strength(lit) / strength(model)).toBeCloseTo(1, 1);
+    expectNear(lit.sky, [0.5, 0.6, 0.9], 0.01);
+    expect(renderLight(tables, { parameters: estimated, estimated, stated }, 32).sun).toEqual([0, 0, 0]);
+  });
+
+  it("leaves the photo exposed where a low sun is raised", () => {
+    const estimated = { ...P, sun_elevation: 1 };
+    const stated = { sun: [1, 0.6, 0.2], sky: [0.5, 0.6, 0.9], cover: 0.5 } as SkyRequest["stated"];
+    const { sky, map } = renderLight(tables, { parameters: P, estimated, stated }, 32);
+    expect(rgbLuminance(sky)).toBeCloseTo(2 * rgbLuminance([0.5, 0.6, 0.9]));
+    expectNear(horizontalIrradiance(map), sky, 0.01);
+  });
+
   it("holds its ratio when a slider moves", () => {
     const before = renderLight(tables, question({}), 32);
     const stated = { sun: before.sun.map((value) => 2 * value) as [number, number, number] };

@@ -12,6 +12,8 @@ from lighting.color import luminance
 from lighting.envmap.relighting import (
     adjust_lighting,
     edit_lighting,
+    edit_photo_light,
+    light_of_map,
     rotate_envmap,
     rotate_lighting,
     scale_exposure,
@@ -19,7 +21,7 @@ from lighting.envmap.relighting import (
 from lighting.envmap.render import render, sky_irradiance, sun_light
 from lighting.errors import ParameterError
 from lighting.geometry import wrap_azimuth
-from lighting.map_options import Adjustments, parse_exposure, parse_sun
+from lighting.map_options import Adjustments, MapOptions, parse_exposure, parse_sun
 from lighting.records import Lighting, SunCandidate
 from tests.helpers.predictions import model_light, stated_light
 
@@ -274,10 +276,40 @@ def test_candidates_turn_with_the_map() -> None:
     assert [sun.azimuth for sun in turned.sun_candidates] == pytest.approx([48.8, -150.0])
 
 
-def test_a_sun_that_is_set_by_hand_shines() -> None:
-    dim = _listed(sun_visibility=0.1, sun_irradiance=(1e-5, 1e-5, 1e-5))
-    assert not dim.sun_painted
-    light = adjust_lighting(dim, Adjustments(sun=(10.0, 30.0)))
-    assert light.sun_painted
-    assert luminance(np.array(light.sun_irradiance)) > 0.7 * luminance(np.array(light.sky_irradiance))
-    assert adjust_lighting(dim, Adjustments(exposure=1.0)).sun_visibility == 0.1
+DIM = _listed(sun_visibility=0.1, sun_irradiance=(1e-5, 1e-5, 1e-5), sky_cover=0.9)
+
+
+def test_a_sun_that_is_set_by_hand_or_turned_on_shines() -> None:
+    """It is as strong against the sky as the model's, which it tells by its color; the sky lets it through."""
+    assert not DIM.sun_painted
+    sun = DIM.sun_azimuth, DIM.sun_elevation
+    moved, turned_on = adjust_lighting(DIM, Adjustments(sun=sun)), light_of_map(DIM, MapOptions(sun=True))
+    assert (moved.sun_irradiance, moved.sky_irradiance) == (turned_on.sun_irradiance, turned_on.sky_irradiance)
+    model = edit_lighting(replace(DIM, sun_irradiance=None, sky_irradiance=None, sky_cover=None), {})
+    ratio, expected = (
+        luminance(sun_light(light)[0]) / luminance(sky_irradiance(light)) for light in (turned_on, model)
+    )
+    assert ratio == pytest.approx(expected, rel=0.01)
+    assert (turned_on.sun_visibility, turned_on.sky_cover) == (1.0, 0.5)
+    assert turned_on.sky_irradiance == DIM.sky_irradiance
+    assert adjust_lighting(DIM, Adjustments(exposure=1.0)).sun_visibility == 0.1
+
+
+def test_only_a_sun_that_did_not_shine_is_turned_on() -> None:
+    for sun in (None, False):
+        assert light_of_map(DIM, MapOptions(sun=sun)) == DIM
+    sunny, set_ = replace(DIM, sun_visibility=0.6), replace(DIM, sun_elevation=-2.0)
+    assert [light_of_map(light, MapOptions(sun=True)) for light in (sunny, set_)] == [sunny, set_]
+
+
+def test_a_raised_sun_leaves_the_photo_exposed() -> None:
+    """The sky over a dusk doubles at most, and the sun keeps its ratio to it; other changes brighten it as before."""
+    dusk = replace(STATED, sun_elevation=1.0)
+    free, held = (edit(dusk, {"sun_elevation": 30.0, "exposure": 8.0}) for edit in (edit_lighting, edit_photo_light))
+    levels = [float(luminance(sky_irradiance(light))) for light in (dusk, free, held)]
+    assert levels[1] > 5 * levels[0]
+    assert levels[2] == pytest.approx(2 * 2 * levels[0], rel=1e-4)  # the exposure is twice that of before
+    for light in (sun_light(held)[0] / sun_light(free)[0], sky_irradiance(held) / sky_irradiance(free)):
+        np.testing.assert_allclose(light, levels[2] / levels[1], rtol=1e-4)
+    for changes in ({"sun_elevation": 0.5}, {"exposure": 40.0}, {"sun_elevation": 50.0, "sky_irradiance": (9.0,) * 3}):
+        assert edit_photo_light(dusk, changes) == edit_lighting(dusk, changes)  # type: ignore[arg-type]

@@ -42,6 +42,9 @@ const NEUTRAL: Triple = [1, 1, 1];
 const MIN_SUN_ELEVATION = 5; // the model's suns below it have hardly any green and no blue, and photos' suns have
 const HIGH_SUN = 30; // of a sun at full strength
 const MIN_SUN_SHARE = 0.05; // of that sun's channels, which the model's is taken to have at least: in haze a low one has none
+const WHITE_SUN = 60; // elevation of a sun for which cameras' white is set
+const SUNNY_COVER = 0.5; // the most clouds where the sun is turned on by hand
+const MAX_SKY_GAIN = 2; // by which a sun that is moved brightens a sky: the photo stays exposed for its own
 const mapChannels = (make: (channel: 0 | 1 | 2) => number): Triple => [make(0), make(1), make(2)];
 
 /** A sky by the Prague model whose light on level ground is that of another sky. */
@@ -107,9 +110,11 @@ function warmSun(sun: Triple, warmth: number): Triple {
   return mapChannels((c) => warmed[c] * gain);
 }
 
-/** The cloud cover of a light: that of the record, and what softens the sun. */
-export const coverOf = (stated: number | undefined, { softness }: LightParameters): number =>
-  (stated ?? 0) + softness * (1 - (stated ?? 0));
+/** The cloud cover of a light: that of the record, less where its sun did not shine, and what softens the sun. */
+export function coverOf(stated: number | undefined, wasSunny: boolean, { sun, softness }: LightParameters): number {
+  const cover = Math.min(stated ?? 0, sun && !wasSunny ? SUNNY_COVER : 1);
+  return cover + softness * (1 - cover);
+}
 
 /** The model's sun, or what stands for it where it would vanish: `edit_lighting` of lighting.envmap.relighting has the same rule. */
 function steadySun(table: HosekWilkieTable, p: LightParameters): Triple {
@@ -128,19 +133,46 @@ function computeGains(tables: SkyTables, estimated: LightParameters, stated: Sta
   if (!stated.sky && !stated.sun) return { sky: NEUTRAL, sun: NEUTRAL };
   const { sky } = renderModel(tables, 32, estimated, stated.cover ?? 0, { sky: NEUTRAL, sun: NEUTRAL });
   const sun = steadySun(tables.hosekWilkie, estimated);
-  const ratio = (target: Triple | undefined, modeled: Triple): Triple =>
-    target ? mapChannels((c) => target[c] / Math.max(modeled[c], 1e-9)) : NEUTRAL;
   const exposed = mapChannels((c) => sun[c] * estimated.exposure);
-  return { sky: ratio(stated.sky, sky), sun: ratio(stated.sun, exposed) };
+  return { sky: channelRatio(stated.sky, sky), sun: channelRatio(stated.sun, exposed) };
+}
+
+const channelRatio = (target: Triple | undefined, modeled: Triple): Triple =>
+  target ? mapChannels((c) => target[c] / Math.max(modeled[c], 1e-9)) : NEUTRAL;
+
+/** Those of a light whose sun did not shine and is turned on: as strong against the sky as the model's is. */
+function turnedOnGains(tables: SkyTables, estimated: LightParameters, { sky, cover = 0 }: StatedLight): Gains {
+  if (!sky) return { sky: NEUTRAL, sun: NEUTRAL };
+  const [clear, open] = [0, Math.min(cover, SUNNY_COVER)].map(
+    (clouds) => renderModel(tables, 32, estimated, clouds, { sky: NEUTRAL, sun: NEUTRAL }).sky,
+  ) as [Triple, Triple];
+  const white = steadySun(tables.hosekWilkie, { ...estimated, sun_elevation: WHITE_SUN });
+  const gain = (rgbLuminance(sky) / Math.max(rgbLuminance(clear), 1e-9)) * rgbLuminance(white);
+  return { sky: channelRatio(sky, open), sun: mapChannels((c) => gain / white[c]) };
+}
+
+/** Dims a light whose raised sun would make its sky more than twice as bright as the estimate's at this exposure. */
+function limitSky(light: Omit<SceneLight, "ground">, { parameters, estimated, stated }: SkyRequest): void {
+  if (!stated.sky || parameters.sun_elevation === estimated.sun_elevation) return;
+  const most = (MAX_SKY_GAIN * rgbLuminance(stated.sky) * parameters.exposure) / Math.max(estimated.exposure, 1e-9);
+  const gain = Math.min(most / Math.max(rgbLuminance(light.sky), 1e-9), 1);
+  scaleMap(
+    light.map,
+    mapChannels(() => gain),
+  );
+  light.sky = mapChannels((c) => light.sky[c] * gain);
+  light.sun = mapChannels((c) => light.sun[c] * gain);
 }
 
 /** What all lights of a photo share, whatever its sliders say. */
 export interface LightBase {
   gains: Gains;
+  turnedOn?: Gains; // where the sun did not shine and is turned on
 }
 
 export function prepareLight(tables: SkyTables, { estimated, stated }: Omit<SkyRequest, "parameters">): LightBase {
-  return { gains: computeGains(tables, estimated, stated) };
+  const gains = computeGains(tables, estimated, stated);
+  return estimated.sun ? { gains } : { gains, turnedOn: turnedOnGains(tables, estimated, stated) };
 }
 
 /** The light of a question, its map `height` rows high. */
@@ -151,9 +183,10 @@ export function renderLight(
   base = prepareLight(tables, question),
 ): SceneLight {
   const { parameters, stated } = question;
-  const { gains } = base;
-  const cover = coverOf(stated.cover, parameters);
+  const gains = (parameters.sun && base.turnedOn) || base.gains;
+  const cover = coverOf(stated.cover, question.estimated.sun, parameters);
   const light = renderModel(tables, height, parameters, cover, gains);
+  limitSky(light, question);
   if (parameters.warmth !== 0) light.sun = warmSun(light.sun, parameters.warmth);
   if (parameters.softness > 0) softenLight(light, parameters);
   if (question.painted === "prague" || parameters.sun_elevation < 0)
