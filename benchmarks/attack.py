@@ -44,6 +44,7 @@ from http.client import HTTPConnection
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from urllib.parse import urljoin
 
 from benchmarks.common import ROOT, describe_machine, make_photo
 from benchmarks.load import free_port, processor_time, started, wait_until_answered
@@ -451,6 +452,8 @@ def attack_jobs(photo: bytes) -> None:
                     _call(port, "DELETE", address)
                 told = f"{ready} {detail.get('detail', '')}"
                 print(f"{kind:<18}{1000 * slowest:>10.0f}{answer:>7}{job:>5}{ended:>12}   {told}", flush=True)
+                if answer != 200 or ended != "finished":
+                    sys.exit("This attack does harm.")
 
 
 def _time_livez(port: int) -> float:
@@ -467,7 +470,7 @@ def _submit_job(port: int, photo: bytes) -> tuple[int, str]:
     with zipfile.ZipFile(stream, "w") as archive:
         archive.writestr("photo.jpg", photo)
     status, record = _call(port, "POST", "/v1/jobs?kind=photos", stream.getvalue(), "application/zip")
-    return status, record.get("links", {}).get("self", "")
+    return status, urljoin("/v1/jobs", record.get("links", {}).get("self", ""))
 
 
 def _wait_for_job(port: int, address: str) -> str:
