@@ -36,7 +36,14 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
 from lighting.records import CodedWarning
 from lighting.tracing import trace_step
-from lighting.video.framing import SAMPLE_SIDE, Framing, fill_overlay, find_framing, looks_logarithmic
+from lighting.video.framing import (
+    MIN_SAMPLE_LEVEL,
+    SAMPLE_SIDE,
+    Framing,
+    fill_overlay,
+    find_framing,
+    looks_logarithmic,
+)
 from lighting.video.gpmf import SAMPLE_START, read_gps_fix
 from lighting.video.metadata import (
     LOOKS_LOGARITHMIC,
@@ -192,7 +199,6 @@ _MAX_TIME = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
 _SAMPLES = 10  # frames by which a border and lettering are found
 _MAX_DECODED_GAP = 1.0  # s between them that are decoded rather than skipped
 _MAX_SAMPLED_PICTURES = 400  # that are decoded for them
-_MIN_SAMPLE_LEVEL = 40  # gray levels that a frame reaches which is not black
 _MAX_FIX_SAMPLES = 3600  # of GoPro's track, one a second, in which a fix is sought
 _MAX_MISSING_END = 0.75  # s that may be missing at the end of a whole clip
 
@@ -397,7 +403,7 @@ class Clip:
         pictures = chain([self._first], _sample_pictures(self.path, duration))
         shape = self._stream.codec_context, SAMPLE_SIDE, self._aspect, self.form
         first, *samples = (_upright_pixels(picture, *shape) for picture in pictures)
-        return [s for s in samples if s.shape == first.shape and s.max() > _MIN_SAMPLE_LEVEL] or [first]
+        return [s for s in samples if s.shape == first.shape and s.max() > MIN_SAMPLE_LEVEL] or [first]
 
 
 def _sample_pictures(path: Path, duration: float) -> Iterator[Any]:

@@ -25,6 +25,7 @@ from lighting.registration.two_view import import_opencv
 Pixels = NDArray[np.uint8]
 
 SAMPLE_SIDE = 512  # pixels of the longer side of the frames that are compared
+MIN_SAMPLE_LEVEL = 40  # gray levels that a frame reaches which is not black
 
 _SAME_EDGE = 0.02  # of a side, by which a border's edges may differ from frame to frame
 _MIN_FRAMED_SHARE = 0.3  # of the frames that have a border, from which a changing one is told
@@ -46,6 +47,8 @@ _LOG_RANGES = (0.06, 0.78), (0.03, 0.66)  # blackest and whitest signals of loga
 _MAX_CHROMA = 0.26  # of them; 1 of 752 photos is as flat and as pale
 _CHANGING = "Some frames have a border, others none or another one: all were used whole."
 _OVERLAY = "Lettering stands still in the picture and covers {:.0f} % of it: it was left out."
+_UNCUT = CodedWarning("The frames have a border, which is taken for the world: cut it off first.", WarningCode.BORDER)
+_FLAT = CodedWarning("The frames look logarithmic: undo their camera's curve first.", WarningCode.CURVE)
 _MOSTLY_STILL = "Most of what stands out in the picture stands still while the rest moves: headings may be off."
 
 
@@ -140,16 +143,19 @@ def fill_overlay(pixels: Pixels, overlay: NDArray[np.bool_]) -> Pixels:
     return np.asarray(cv2.inpaint(pixels, mask, _FILLED_FROM, cv2.INPAINT_TELEA))
 
 
-class OverlayFilter:
-    """Fills the lettering in a stream of frames, once it has stood still in a few that differ; memory is constant."""
+class StreamFraming:
+    """What of a stream's frames is the world, found as they come; memory is constant."""
+
+    warnings: tuple[CodedWarning, ...] = ()
+    """Sentences about the frames so far."""
 
     def __init__(self) -> None:
         """Begin a stream."""
         self._samples: list[Pixels] = []
         self._due, self._overlay = -math.inf, np.zeros((1, 1), dtype=bool)
 
-    def __call__(self, pixels: Pixels, time: float) -> Pixels:
-        """Return the next frame without lettering.
+    def fill(self, pixels: Pixels, time: float) -> Pixels:
+        """Return the next frame without the lettering that has stood still in a few that differ.
 
         Args:
             pixels: (h, w, 3) sRGB.
@@ -161,17 +167,21 @@ class OverlayFilter:
         return fill_overlay(pixels, self._overlay) if self._overlay.any() else pixels
 
     def _look(self, pixels: Pixels) -> None:
-        """Compare a frame with earlier ones; none counts while the camera stands."""
+        """Compare a frame with earlier ones; none counts while the camera stands, nor a black one."""
         cv2 = import_opencv()
-        sample = cv2.resize(
-            pixels, shrink_size(pixels.shape[1], pixels.shape[0], SAMPLE_SIDE // 2), interpolation=cv2.INTER_AREA
-        )
+        height, width = pixels.shape[:2]
+        size = shrink_size(width, height, SAMPLE_SIDE // 2)
+        sample = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA))
         kept = [s for s in self._samples if s.shape == sample.shape][1 - _MAX_STREAM_SAMPLES :]
-        if kept and float(cv2.absdiff(kept[-1], sample).mean()) < _MIN_CHANGE:
+        stands = bool(kept) and float(cv2.absdiff(kept[-1], sample).mean()) < _MIN_CHANGE
+        if stands or sample.max() <= MIN_SAMPLE_LEVEL:
             return
-        self._samples = [*kept, np.asarray(sample)]
-        overlay, _ = _find_overlay(self._samples)
+        self._samples = [*kept, sample]
+        crop, told = _find_border(self._samples, (width, height))
+        overlay, doubts = _find_overlay(self._samples)
         self._overlay = np.zeros((1, 1), dtype=bool) if overlay is None else overlay
+        flat = len(self._samples) >= _MIN_OVERLAY_SAMPLES and looks_logarithmic(self._samples)
+        self.warnings = (*((_UNCUT,) if crop else told), *doubts, *((_FLAT,) if flat else ()))
 
 
 def _differing(grays: Sequence[NDArray[np.float32]]) -> list[NDArray[np.float32]]:

@@ -38,7 +38,7 @@ from lighting.registration.rotations import (
 )
 from lighting.registration.two_view import RelativeRotation
 from lighting.video.decode import FRAME_SIDE, Frame
-from lighting.video.framing import OverlayFilter
+from lighting.video.framing import StreamFraming
 from lighting.video.intrinsics import GUESSED_FOV_STD, MIN_FOV_STD, NETWORK_FOV_STD, constrains_fov, is_zoomed
 from lighting.video.observation import FrameObservation, ShotLight, estimate_frame, is_dark
 from lighting.video.shot import estimate_north, lighting_in_camera
@@ -248,7 +248,7 @@ class Tracker:
         self._model = model_or_packaged(model)
         self._clip_metadata = ClipMetadata(user_input=user_input, subject="stream")
         self._look_every, self._due = look_every, -math.inf
-        self._overlay_filter = OverlayFilter()
+        self._framing = StreamFraming()
         self._point_tracker, self._lens = PointTracker(), _LensEstimator(user_input.vertical_fov)
         self._lens_std = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
         self._zoomed_key = -1  # the keyframe against which it was found to be zoomed
@@ -280,7 +280,7 @@ class Tracker:
         if abs(time) > MAX_TIME:
             sentence = f"The time of a frame must be seconds after the first, not {time:g}."
             raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
-        shown = self._overlay_filter(_shrink_frame(check_pixels(pixels)), time)
+        shown = self._framing.fill(_shrink_frame(check_pixels(pixels)), time)
         frame = Frame(self._count, time, shown)
         self._count += 1
         step = self._point_tracker.follow(frame)
@@ -400,6 +400,7 @@ class Tracker:
         angles = self._light.angles(self._orientation)
         prior = self._in_chain(self._prior)
         base = with_ground_color(build_estimate(posterior, prior).lighting, self._light.light.ground)
+        base = replace(base, warnings=(*base.warnings, *self._framing.warnings))
         north = estimate_north(posterior, prior)
         lighting = lighting_in_camera(scale_exposure(base, self._gain), angles, self._lens.fov, north)
         red, green, blue = map(float, self._gain)

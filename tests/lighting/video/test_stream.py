@@ -1,6 +1,6 @@
 """Streams: keyframes, chains, and the light of each frame."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,13 +14,14 @@ from lighting.errors import ParameterError, PhotoError
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, wrap_azimuth, zoomed_fov
 from lighting.model import Model
+from lighting.records import WarningCode
 from lighting.registration.rotations import rotation_about, rotation_vector
 from lighting.video import tracking
 from lighting.video.observation import estimate_frame
 from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, Tracker, _BankKeyframe, _KeyframeBank
 from lighting.video.tracking import FrameRotation, Keyframe
 from tests.helpers.cameras import poles
-from tests.helpers.clips import FOV, look, orientation, panorama, seen
+from tests.helpers.clips import FOV, Pixels, look, orientation, panorama, seen
 
 
 def key(number: int, stretch: int = 0) -> Keyframe:
@@ -115,6 +116,26 @@ def test_lettering_does_not_hold_a_camera_that_turns(model: Model) -> None:
     assert first is not None
     assert last is not None
     assert last.heading - first.heading == pytest.approx(1.5 * 19, abs=3.0)
+    assert WarningCode.OVERLAY in {getattr(warning, "code", None) for warning in last.lighting.warnings}
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        (lambda frame: cv2.copyMakeBorder(frame, 40, 40, 0, 0, cv2.BORDER_CONSTANT), WarningCode.BORDER),
+        (lambda frame: frame // 4 + 90, WarningCode.CURVE),
+        (lambda frame: frame, None),
+    ],
+)
+def test_a_stream_tells_what_clips_tell(
+    change: Callable[[Pixels], Pixels], code: WarningCode | None, model: Model
+) -> None:
+    tracker = Tracker(model, UserInput(vertical_fov=FOV), look_every=100.0)
+    answers = [tracker(np.asarray(change(look(6.0 * i)), dtype=np.uint8), 0.5 * i) for i in range(6)]
+    last = answers[-1]
+    assert last is not None
+    told = {getattr(warning, "code", None) for warning in last.lighting.warnings}
+    assert told & {WarningCode.BORDER, WarningCode.CURVE} == ({code} if code else set())
 
 
 @pytest.mark.parametrize(
