@@ -9,8 +9,8 @@ import subprocess
 import sys
 import time
 import webbrowser
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import quote
@@ -258,24 +258,28 @@ def _run_service(
     command = [sys.executable, "-P", "-m", module, *arguments]
     with subprocess.Popen(command, env=environment, process_group=group) as process:
         try:
-            _forward_signals(process)
-            if when_started:
-                when_started(process)
-            status = process.wait()
+            with _forwarded_signals(process):
+                if when_started:
+                    when_started(process)
+                status = process.wait()
         except BaseException:
             process.kill()
             raise
     return status if status >= 0 else 128 - status
 
 
-def _forward_signals(process: "subprocess.Popen[bytes]") -> None:
-    """Hand signals on, so that the service can finish what it does; an ignored one stays ignored."""
+@contextmanager
+def _forwarded_signals(process: "subprocess.Popen[bytes]") -> Iterator[None]:
+    """Hand signals on within the block, so that the service can finish what it does; an ignored one stays ignored."""
 
     def forward(number: int, _: object) -> None:
         if os.name == "posix":  # elsewhere the console has told both
             process.send_signal(number)
 
-    for name in _FORWARDED_SIGNALS:
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, forward)
+    numbers = [getattr(signal, name) for name in _FORWARDED_SIGNALS if hasattr(signal, name)]
+    before = {n: signal.signal(n, forward) for n in numbers if signal.getsignal(n) is not signal.SIG_IGN}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

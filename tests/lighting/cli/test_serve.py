@@ -18,6 +18,7 @@ import pytest
 
 from lighting.cli.serve import _find_network_address
 from tests.helpers.pages import ROOT
+from tests.helpers.processes import invoke_command
 from tests.helpers.service import environment
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals and starts a browser of its own")
@@ -120,6 +121,15 @@ def test_what_the_service_refuses_ends_the_command(start: Start, tmp_path: Path)
     assert "LIGHTING_HOST: no.such.host.invalid is no address to listen on" in results[1][0]
     assert results[1][1] == 1
     assert not (tmp_path / "url").exists()
+
+
+@pytest.mark.slow
+def test_a_service_that_ended_leaves_signals_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C later went to a process that was no more."""
+    monkeypatch.setenv("LIGHTING_QUEUE", "-1")
+    before = signal.getsignal(signal.SIGINT)
+    assert invoke_command("serve").exit_code == 1
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 @pytest.mark.slow
