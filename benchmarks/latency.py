@@ -56,7 +56,7 @@ from benchmarks.common import (
 )
 from export.data.panoramas import DataError
 from export.data.rendered_towns import find_llvm
-from lighting.calibration import MAX_SIDE, calibrate_from_lines
+from lighting.calibration import LINES_SIDE, calibrate_from_lines
 from lighting.envmap.detail_library import DetailSource, load_detail_library
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.render import render
@@ -84,7 +84,7 @@ def decode_by_pillow(path: Path) -> Image.Image:
 def small_gray(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Pillow's small grey picture (H, W) of pixels (h, w, 3)."""
     grey = Image.fromarray(pixels).convert("L")
-    grey.thumbnail((MAX_SIDE, MAX_SIDE), Image.Resampling.BOX, reducing_gap=None)
+    grey.thumbnail((LINES_SIDE, LINES_SIDE), Image.Resampling.BOX, reducing_gap=None)
     return np.asarray(grey)
 
 

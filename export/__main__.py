@@ -306,7 +306,7 @@ def _fit(name: str, data: Path, labels: Path, model: Path | None, seen: Path | N
     if seen and name != "ground":
         raise click.UsageError(f"--seen is for the fit ground, not for {name}.")
     more = {"seen": seen} if seen else {}
-    click.echo(fit_constants.FITS[name](Model.load(model), data, labels, **more))
+    click.echo(fit_constants.FIT_REPORTS[name](Model.load(model), data, labels, **more))
 
 
 @export_cli.group("report")

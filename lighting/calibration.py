@@ -31,7 +31,7 @@ from lighting.records import Prediction
 _Bytes = NDArray[np.uint8]
 
 MAX_LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
-MAX_SIDE = 448  # pixels along the longer side; more bring no better camera
+LINES_SIDE = 448  # pixels along the longer side; more bring no better camera
 _MAX_LEAN = 25.0  # deg from the expected vertical within which an edge may be a vertical
 
 _MIN_UPRIGHT_STEP = 6.0  # gray levels per pixel, of an edge near vertical
@@ -88,7 +88,7 @@ def calibrate_from_lines(prediction: Prediction, pixels: _Bytes, vertical_fov: f
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
     full_size = Image.fromarray(pixels).convert("L")
-    gray = np.asarray(full_size.resize(shrink_size(*full_size.size, MAX_SIDE), Image.Resampling.BOX))
+    gray = np.asarray(full_size.resize(shrink_size(*full_size.size, LINES_SIDE), Image.Resampling.BOX))
     focal = focal_length(len(gray), prediction.vertical_fov)
     edges = _edges_of(gray, up_in_camera(prediction.camera_elevation, prediction.camera_roll), focal)
     known_lens = _known_log_lens(prediction, vertical_fov)

@@ -96,7 +96,7 @@ class _Metrics:
         Gauge(name, meaning, registry=self.registry).set_function(value)
 
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 NO_OPENCV = "The service lacks OpenCV to match photos."
 RESULT_TAG = "lighting_result_tag"  # in a request's scope: bytes that a worker made, and their tag
@@ -115,7 +115,7 @@ class PhotoMatcher:
     @property
     def target(self) -> int:
         """Pixels along the longer side that the photos should have."""
-        return two_view.MAX_SIDE if two_view.has_opencv() else TARGET
+        return two_view.MATCH_SIDE if two_view.has_opencv() else TARGET
 
     def __call__(self, views: Sequence[photo_set.View]) -> Sequence[photo_set.RegisteredView] | None:
         """The registered views; None if that failed. Stops with its request when the client disconnects."""
@@ -305,14 +305,14 @@ class _Admission:
             service.uploads.count_upload,
         )
 
-    async def run(self, work: Callable[..., T], *arguments: Any) -> T:
+    async def run(self, work: Callable[..., _T], *arguments: Any) -> _T:
         """The result of work in a thread, as soon as one is free; it is dropped when the client disconnects.
 
         Raises BusyError or ShareTakenError if the queue has filled meanwhile, or too many bytes wait for clients.
         """
         client = client_of_request(self.request)
 
-        def checked() -> T:
+        def checked() -> _T:
             from_thread.run_sync(self.service.pending.check, client)
             with self.service.tracer.trace_steps() if self.service.tracer else nullcontext():
                 result = work(*arguments)

@@ -30,7 +30,7 @@ from lighting.records import Json
 from lighting.runtime import begin_helper, limit_address_space
 from lighting.tracing import listen_to_steps, trace_step
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 Report = Callable[[float], None]  # takes the part that is done, 0 to 1
 
 UPLOAD_STEM, RESULT_FILE = "upload", "result.zip"
@@ -208,7 +208,7 @@ def _estimate_normals(request: Json, report: Report) -> Sequence[str]:
     return [*result.warnings, *renamed]
 
 
-def _watch(items: Iterable[T], count: int, report: Report) -> Iterator[T]:
+def _watch(items: Iterable[_T], count: int, report: Report) -> Iterator[_T]:
     for done, item in enumerate(items):
         report(done / max(count, 1))
         yield item

@@ -30,7 +30,7 @@ from server.job_kinds import JOB_KINDS, RESULT_FILE, UPLOAD_STEM
 from server.limits import BusyError, Client, ShareTakenError, Tally
 from server.settings import PREFIX, SettingsError
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 JOBS_FOLDER = "lighting-jobs"
 RESULT_SECONDS = 86_400.0  # for which a job's result is kept
@@ -294,7 +294,7 @@ class JobStore:
     async def _delete(self, number: str, reason: str) -> None:
         await self._on_disk(_delete_job, self.path(number), reason)
 
-    async def _on_disk(self, work: Callable[..., T], *arguments: Any) -> T:
+    async def _on_disk(self, work: Callable[..., _T], *arguments: Any) -> _T:
         """What the disk's thread does; the event loop never waits for a disk."""
         return await to_thread.run_sync(work, *arguments, limiter=self._disk)
 

@@ -26,7 +26,7 @@ from server.limits import PLACE_BYTES, ArrivingBody, client_of_request
 from server.problems import FORM_PARAMETERS, InvalidField, ProblemError
 from server.schemas import LightingRecord
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 FORM_TYPE = "multipart/form-data"
 JSON_TYPE = "application/json"
@@ -186,7 +186,7 @@ class RequestBody:
             detail = "The body has a Content-Encoding; send it as it is, without one."
             raise ProblemError(problems.UNSUPPORTED_TYPE, detail, {"Accept-Encoding": "identity"})
 
-    async def _within_limits(self, read: Callable[[], Awaitable[T]]) -> T:
+    async def _within_limits(self, read: Callable[[], Awaitable[_T]]) -> _T:
         with self._place, self._deadline:
             self._set_deadline(0, current_time())
             return await read()

@@ -22,7 +22,7 @@ from starlette.types import Receive
 import lighting.runtime as runtime
 from server.limits import GROUP_SHARES, UNKNOWN, BusyError, Client, ShareTakenError, Tally
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 HALF_LIFE = 20.0  # seconds after which processor time counts half
 LONG_SECONDS = 0.1  # of processor time, which a photo's estimate stays under: longer requests leave a thread to others
@@ -284,7 +284,7 @@ class WorkLimiter:
             return ShareTakenError("The queue is full, and this client has its share of it.")
         return BusyError()
 
-    async def run(self, job: _Job, receive: Receive, work: Callable[[], T]) -> T:
+    async def run(self, job: _Job, receive: Receive, work: Callable[[], _T]) -> _T:
         """Run work in a thread in the client's turn.
 
         Args:
@@ -299,7 +299,7 @@ class WorkLimiter:
         """
         return await _run_unless_disconnected(receive, lambda: self._run_in_turn(job, work))
 
-    async def _run_in_turn(self, job: _Job, work: Callable[[], T]) -> T:
+    async def _run_in_turn(self, job: _Job, work: Callable[[], _T]) -> _T:
         self._waiting.append(job)
         self._start_jobs()
         try:
@@ -379,7 +379,7 @@ class WorkLimiter:
         return self._expected.get(route, _FIRST_SECONDS)
 
 
-def _measure(job: _Job, work: Callable[[], T]) -> T:
+def _measure(job: _Job, work: Callable[[], _T]) -> _T:
     """Do the work, and note its processor time, whether it succeeds or not."""
     began = runtime.thread_seconds()
     try:
@@ -390,7 +390,7 @@ def _measure(job: _Job, work: Callable[[], T]) -> T:
         job.seconds = runtime.thread_seconds() - began
 
 
-async def _run_unless_disconnected(receive: Receive, work: Callable[[], Awaitable[T]]) -> T:
+async def _run_unless_disconnected(receive: Receive, work: Callable[[], Awaitable[_T]]) -> _T:
     try:
         async with create_task_group() as tasks:
             tasks.start_soon(_cancel_on_disconnect, receive, tasks.cancel_scope)

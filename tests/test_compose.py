@@ -11,7 +11,7 @@ from packaging.version import Version
 
 from lighting.photo.reader import memory_budget
 from lighting.registration import photo_set
-from lighting.registration.two_view import MAX_SIDE
+from lighting.registration.two_view import MATCH_SIDE
 from lighting.scene.records import PLATE_SIDE
 from scripts.book import read_code_blocks
 from server.connections import MAX_HEADER_BYTES
@@ -87,9 +87,9 @@ def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
     s = settings_of(services)
     bodies = (s.workers + s.queue + s.uploads) * s.max_bytes
     decoding = memory_budget(s.max_bytes, s.max_pixels, PLATE_SIDE)
-    kept = s.max_photos * 3 * (2 * MAX_SIDE - 1) ** 2  # photos to be matched, and once more on their way
+    kept = s.max_photos * 3 * (2 * MATCH_SIDE - 1) ** 2  # photos to be matched, and once more on their way
     matching = MATCHER + photo_set.BASE_MEMORY + s.max_photos * photo_set.MEMORY_PER_PHOTO + 2 * kept
-    assert kept + memory_budget(s.max_bytes, s.max_pixels, MAX_SIDE) < decoding
+    assert kept + memory_budget(s.max_bytes, s.max_pixels, MATCH_SIDE) < decoding
     workers = s.workers * (DECODER + max(decoding, matching))
     answers = s.unsent_bytes + 2 * s.workers * LARGEST
     connections = s.connections * (PLACE_BYTES + CONNECTION)

@@ -1,4 +1,4 @@
-"""One name, one thing: public functions and classes are unique, and their docstrings say what their parameters are."""
+"""One name, one thing: public names and constants are unique, and docstrings say what parameters are."""
 
 import ast
 from collections import defaultdict
@@ -47,6 +47,25 @@ def test_no_public_name_stands_twice() -> None:
     for home, node in public_definitions():
         homes[node.name].append(f"{home}:{node.lineno}")
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
+
+
+def public_constants(node: ast.stmt) -> Iterator[str]:
+    """The names in capital letters that a statement gives a value."""
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    for name in (name for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)):
+        if name.id.isupper() and not name.id.startswith("_"):
+            yield name.id
+
+
+def test_no_public_constant_has_two_homes() -> None:
+    homes = defaultdict(set)
+    for path in (
+        path for package in PACKAGES for path in (ROOT / package).rglob("*.py") if "node_modules" not in path.parts
+    ):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            for name in public_constants(node):
+                homes[name].add(path.relative_to(ROOT).as_posix())
+    assert {name: sorted(places) for name, places in homes.items() if len(places) > 1} == {}
 
 
 @pytest.mark.parametrize("package", PACKAGES)

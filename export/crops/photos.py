@@ -20,7 +20,7 @@ from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
 PHOTOS = "photos_train.csv"
-COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation", "direct", "hfov", "expected_azimuth_error")
+PHOTO_COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation", "direct", "hfov", "expected_azimuth_error")
 _MIN_SHARE = 0.6  # of the largest crop of an aspect ratio
 _MAX_ROTATION = 5.0  # deg, either way
 _ELEVATION_STD = 3.0  # deg; time and place are exact, but what is learnt from so few photos need not be
@@ -53,7 +53,7 @@ def read_photo_rows(folder: str | Path) -> list[_PhotoRow]:
     table = Path(folder) / PHOTOS
     if not table.exists():
         return []
-    return [_row(row, table, line) for line, row in enumerate(read_table(table, COLUMNS), start=2)]
+    return [_row(row, table, line) for line, row in enumerate(read_table(table, PHOTO_COLUMNS), start=2)]
 
 
 def require_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> list[_PhotoRow]:
@@ -72,7 +72,7 @@ def require_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> li
 
 def _row(row: dict[str, str], table: Path, line: int) -> _PhotoRow:
     try:
-        numbers = {name: float(row[name] or "nan") for name in COLUMNS[2:] if name != "direct"}
+        numbers = {name: float(row[name] or "nan") for name in PHOTO_COLUMNS[2:] if name != "direct"}
     except ValueError as error:
         raise DataError(f"{table}, line {line}: {error}.") from error
     if math.isnan(numbers["sun_elevation"]):

@@ -33,7 +33,7 @@ _COVER = {"yes": 0.0, "partly": 0.4, "no": 0.8}
 ROWS, COLUMNS = 12, 24  # cells of the map of the surroundings
 CELLS = ROWS * COLUMNS
 MIN_RADIANCE = 0.01  # added to radiances before the logarithm
-MAX_RADIANCE = 4.0  # the photo's white is 1; the sun's disc counts no more than this
+MAX_CELL = 4.0  # the photo's white is 1; the sun's disc counts no more than this
 _FINE = 6  # parts of a row and of a column, the steps by which the map is rotated
 
 CELL = 16  # pixels of the canvas along one side of a cell in which the sun may be
@@ -122,7 +122,7 @@ def surroundings_in_camera(radiance: Floats, camera: Camera, gains: Floats, stre
     rolled = np.roll(radiance, -round(camera.azimuth / 360 * _FINE * COLUMNS), axis=1)
     rolled = rolled[:, ::-1] if camera.mirrored else rolled
     rows = rolled.reshape(ROWS, _FINE, _FINE * COLUMNS, 3).mean(axis=1)
-    cells = np.minimum(rows * gains, MAX_RADIANCE).reshape(ROWS, COLUMNS, _FINE, 3).mean(axis=2)
+    cells = np.minimum(rows * gains, MAX_CELL).reshape(ROWS, COLUMNS, _FINE, 3).mean(axis=2)
     return np.asarray(np.log(cells + MIN_RADIANCE), dtype=np.float32).ravel()
 
 

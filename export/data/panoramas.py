@@ -74,10 +74,10 @@ CHOICES = {
     "sun": ("visible", "inferred", "none", "unknown"),
     "direct": ("", "yes", "partly", "no"),
 }
-NUMBERS = {"sun_azimuth": (-180.0, 180.0), "sun_elevation": (-90.0, 90.0), "sun_uncertainty": (0.0, 180.0)}  # deg
+_NUMBERS = {"sun_azimuth": (-180.0, 180.0), "sun_elevation": (-90.0, 90.0), "sun_uncertainty": (0.0, 180.0)}  # deg
 
-PATCH = Path(__file__).with_name("labels_patch.csv")
-PATCHED = ("sun", *NUMBERS, "direct")
+LABELS_PATCH = Path(__file__).with_name("labels_patch.csv")
+PATCHED = ("sun", *_NUMBERS, "direct")
 RENDERED = ("rendered", "rendered", "CC0")  # scene, label and licence of panoramas that we render
 
 _PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
@@ -127,7 +127,7 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
         licensed_only: keep the rows that `is_permissive` accepts.
     """
     root = Path(folder).resolve()
-    patch = _read_patch(PATCH)
+    patch = _read_patch(LABELS_PATCH)
     panoramas = [
         _parse_panorama(root, {**row, **patch.get(row["name"].strip(), {})}, f"{root / INDEX}, line {line}")
         for line, row in enumerate(_read_rows(root), start=2)
@@ -146,7 +146,7 @@ def write_index(panoramas: Sequence[Panorama], folder: Path) -> None:
         panoramas: whose pictures the folder holds.
         folder: to write to.
     """
-    columns = (*REQUIRED, *OPTIONAL[:1], *NUMBERS, *OPTIONAL[1:])
+    columns = (*REQUIRED, *OPTIONAL[:1], *_NUMBERS, *OPTIONAL[1:])
     root = folder.resolve()
     rows = ([_format_field(panorama, column, root) for column in columns] for panorama in panoramas)
     write_table(folder / INDEX, columns, rows)
@@ -193,7 +193,7 @@ def _read_patch(path: Path) -> dict[str, dict[str, str]]:
             raise DataError(f"{where}: the panorama {name} is already corrected above.")
         corrected = {key: row[key].strip() for key in PATCHED if row[key].strip()}
         _check_values(corrected, where)
-        removed = dict.fromkeys(NUMBERS, "") if corrected.get("sun") in ("none", "unknown") else {}
+        removed = dict.fromkeys(_NUMBERS, "") if corrected.get("sun") in ("none", "unknown") else {}
         patch[name] = {**removed, **corrected}
     return patch
 
@@ -217,14 +217,14 @@ def _check_values(row: Mapping[str, str], where: str) -> dict[str, float | None]
     for key, allowed in CHOICES.items():
         if key in row and row[key] not in allowed:
             raise DataError(f"{where}: {key} is {row[key]!r}, not one of {', '.join(filter(None, allowed))}.")
-    return {key: _parse_number(row, key, where) for key in NUMBERS}
+    return {key: _parse_number(row, key, where) for key in _NUMBERS}
 
 
 def _parse_number(row: Mapping[str, str], key: str, where: str) -> float | None:
     text = (row.get(key) or "").strip()
     if not text:
         return None
-    low, high = NUMBERS[key]
+    low, high = _NUMBERS[key]
     try:
         value = float(text)
     except ValueError:

@@ -27,7 +27,7 @@ from lighting.geometry import Floats, Pinhole, camera_directions, direction, lat
 from lighting.records import Lighting
 from lighting.sky.clear_sky import SUN_SOLID_ANGLE, sun_radiance
 
-HEIGHT = 256  # rows of the map that lights a place
+TOWN_HEIGHT = 256  # rows of the map that lights a place
 _EXPOSURE = 0.02  # of sky radiance; crops are exposed anew
 _OVERCAST, _CLOUDY = 0.2, 0.4  # shares of the skies
 _OPACITY = 4.0  # a cloud hides the sun more than it hides the sky
@@ -37,7 +37,7 @@ _OPACITY = 4.0  # a cloud hides the sun more than it hides the sky
 class _Sky:
     """The light over a place, with the truth about it."""
 
-    radiance: NDArray[np.float32]  # (HEIGHT, 2 HEIGHT, 3) without the sun, black below the horizon
+    radiance: NDArray[np.float32]  # (TOWN_HEIGHT, 2 TOWN_HEIGHT, 3) without the sun, black below the horizon
     lighting: Lighting
     sunlight: float  # share of the sun's light that the clouds let through, 0 to 1
 
@@ -79,14 +79,14 @@ def random_sky(rng: np.random.Generator) -> _Sky:
     draw = rng.random()
     if draw < _OVERCAST:
         return _Sky(_overcast_dome(lighting, rng), lighting, 0.0)
-    clear = render(lighting, HEIGHT, sun=False)
-    clear[HEIGHT // 2 :] = 0.0
+    clear = render(lighting, TOWN_HEIGHT, sun=False)
+    clear[TOWN_HEIGHT // 2 :] = 0.0
     return _add_clouds(clear, lighting, rng) if draw < _OVERCAST + _CLOUDY else _Sky(clear, lighting, 1.0)
 
 
 def _overcast_dome(lighting: Lighting, rng: np.random.Generator) -> NDArray[np.float32]:
     """The CIE overcast sky, at random brighter towards the hidden sun."""
-    rays = latlong_directions(HEIGHT)
+    rays = latlong_directions(TOWN_HEIGHT)
     up = rays[..., 1:2]
     glow = rng.uniform(0, 0.4) * np.exp(4 * (rays @ lighting.sun_direction - 1))[..., None]
     waves = 1 + rng.uniform(0, 0.25) * (_noise(rng, up) - 0.5)
@@ -96,12 +96,12 @@ def _overcast_dome(lighting: Lighting, rng: np.random.Generator) -> NDArray[np.f
 
 def _add_clouds(clear: NDArray[np.float32], lighting: Lighting, rng: np.random.Generator) -> _Sky:
     """White clouds before a clear sky, brighter towards the sun, gray where they are thick."""
-    rays = latlong_directions(HEIGHT)
+    rays = latlong_directions(TOWN_HEIGHT)
     up, cosine = rays[..., 1:2], (rays @ lighting.sun_direction)[..., None]
     shape = _noise(rng, up)
-    threshold = np.quantile(shape[: HEIGHT // 2], 1 - rng.uniform(0.1, 0.7))
+    threshold = np.quantile(shape[: TOWN_HEIGHT // 2], 1 - rng.uniform(0.1, 0.7))
     alpha = np.clip((shape - threshold) / rng.uniform(0.04, 0.3), 0, 1) * (up > 0) * np.clip(up / 0.06, 0, 1)
-    white = float(np.median(luminance(clear[: HEIGHT // 2]))) * rng.uniform(1.2, 2.5)
+    white = float(np.median(luminance(clear[: TOWN_HEIGHT // 2]))) * rng.uniform(1.2, 2.5)
     cloud = white * (1 + 2.5 * np.exp(6 * (cosine - 1))) * (1 - rng.uniform(0, 0.5) * alpha**2)
     row, column = np.unravel_index(int(np.argmax(cosine)), cosine.shape[:2])
     sunlight = float((1 - alpha[row, column, 0]) ** _OPACITY)
@@ -110,7 +110,7 @@ def _add_clouds(clear: NDArray[np.float32], lighting: Lighting, rng: np.random.G
 
 def _noise(rng: np.random.Generator, up: Floats) -> Floats:
     """Fractal noise (H, 2H, 1), about 0 to 1, as on a plane above; `up` is the height of each direction."""
-    rays = latlong_directions(HEIGHT)
+    rays = latlong_directions(TOWN_HEIGHT)
     plane = rays[..., [0, 2]] / (np.maximum(up, 0.0) + rng.uniform(0.1, 0.4))
     total, weight = np.zeros(rays.shape[:2]), 0.0
     for octave in range(5):

@@ -203,20 +203,20 @@ def _write_failures(path: Path, failures: Sequence[_Failure], azimuth: Floats) -
 
 ACROSS = 5  # crops in a row
 THUMBNAIL = (320, 240)  # pixels
-TEXT, LINE = 13, 16  # pixels, height of letters and of lines
+_TEXT, _LINE = 13, 16  # pixels, height of letters and of lines
 DIAL = 26  # pixels, radius
 TRUE_COLOR, ESTIMATE_COLOR = (255, 200, 0), (90, 180, 255)
 
 
 def _contact_sheet(failures: Sequence[_Failure], pictures: Sequence[NDArray[np.uint8]]) -> Image.Image:
     """The failures in rows of ACROSS, each picture (h, w, 3) with three lines under it."""
-    height = THUMBNAIL[1] + 3 * LINE + 6
+    height = THUMBNAIL[1] + 3 * _LINE + 6
     whole = Image.new("RGB", (ACROSS * (THUMBNAIL[0] + 4), -(-len(failures) // ACROSS) * height), "white")
     for i, (one, picture) in enumerate(zip(failures, pictures, strict=True)):
         corner = (i % ACROSS * (THUMBNAIL[0] + 4), i // ACROSS * height)
         whole.paste(_with_dial(Image.fromarray(picture).resize(THUMBNAIL), one), corner)
         text = "\n".join(_lines(i + 1, one))
-        font = ImageFont.load_default(TEXT)
+        font = ImageFont.load_default(_TEXT)
         ImageDraw.Draw(whole).multiline_text((corner[0] + 2, corner[1] + THUMBNAIL[1]), text, "black", font, spacing=2)
     return whole
 
@@ -385,7 +385,7 @@ def _draw_panel(panel: Any, curves: dict[str, Floats]) -> None:
 
 
 TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
-COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
+_COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
 TEMPERATURE_MEANING = fill(
     "Temperature T of the sun's probabilities, p^(1/T), in addition to the network's own. It is fitted by NLL on one "
     "half of the places and tested on the other (`all`: fitted and tested on all). Regions are cones around the "
@@ -420,7 +420,7 @@ def _temperature_row(
     row = {"fitted to": float(np.count_nonzero(learning)), "temperature": fitted, "crops": float(len(test_predictions))}
     before, after = (_tempered_figures(test_truth, [_tempered(p, t) for p in test_predictions]) for t in (1.0, fitted))
     figures = {"before": before, "after": after}
-    return row | {f"{name}, {when}": of[name] for name in COLUMNS for when, of in figures.items()}
+    return row | {f"{name}, {when}": of[name] for name in _COLUMNS for when, of in figures.items()}
 
 
 def _fit_temperature(predictions: Sequence[Prediction], sun: Floats) -> float:
@@ -449,4 +449,4 @@ def _tempered_figures(truth: Truth, predictions: Sequence[Prediction]) -> dict[s
     """COLUMNS over crops that all have a sun."""
     suns = [sun_from_prediction(p) for p in predictions]
     figures = sun_figures(truth, answers_from_estimates(suns, nll=sun_nll(predictions, truth.sun)))
-    return {name: figures[column] for name, column in COLUMNS.items()}
+    return {name: figures[column] for name, column in _COLUMNS.items()}

@@ -30,8 +30,8 @@ from lighting.color import tone_map
 from lighting.files import atomic_write
 from lighting.model import Model
 
-PROTOCOLS = ("paper", "phone")  # of cameras
-PHOTOS = "photos.csv"
+_PROTOCOLS = ("paper", "phone")  # of cameras
+_PHOTOS = "photos.csv"
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def evaluate_networks(options: Options) -> _Evaluation:
     if options.relight:  # first, for it asks most of the folder
         lit.append(relight(options.data, options.labels, options.models, options.out))
         lit.append(light_report(options.data, options.labels, options.models))
-    crops = {protocol: _score(models, training, sources, protocol) for protocol in PROTOCOLS}
+    crops = {protocol: _score(models, training, sources, protocol) for protocol in _PROTOCOLS}
     for protocol, scored in crops.items():
         _write_crops(options.out / f"crops-{protocol}.csv", scored)
     text = "\n\n".join([*_sections(options, models, sources, crops), *lit]) + "\n"
@@ -101,8 +101,8 @@ def _sections(
 ) -> list[str]:
     sections = [format_report(p, c.truth, c.answers, c.network_answers, c.ours) for p, c in crops.items()]
     sections += _sun_in_view(sources, models)
-    if (options.data / PHOTOS).exists():
-        sections.append(photo_report(options.data / PHOTOS, models))
+    if (options.data / _PHOTOS).exists():
+        sections.append(photo_report(options.data / _PHOTOS, models))
     scored = {protocol: c for protocol, c in crops.items() if c.truth.scored.any()}
     for protocol, c in scored.items():
         known = np.flatnonzero(c.truth.scored)

@@ -1,6 +1,6 @@
 """The constants of light that are fitted to data: ground and sky of a photo, colour and power of the sun.
 
-FITS names them. Each fit prints the constants, and the errors with and without them.
+FIT_REPORTS names them. Each fit prints the constants, and the errors with and without them.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -40,7 +40,7 @@ MIN_LUMINANCE = 1e-6
 SKY_CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
 COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))  # ranges of cover, 0 clear to 1 overcast, told apart
 SUN_POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)  # of the clear sun's colour, tried
-MIN_ELEVATION = 1.0  # deg, of the sun, under which a clear sky says little of its power
+_MIN_ELEVATION = 1.0  # deg, of the sun, under which a clear sky says little of its power
 _ITERATIONS = 20  # of least squares, weighted so that it comes near to least absolute errors
 _L1_SCALE = 0.1  # nat, error from which a crop counts for less
 _NO_LIGHT = "The network states no light."
@@ -316,7 +316,7 @@ def _panorama_sun_stops(data: Path, labels: Path) -> Floats:
 
 def _photo_sun_stops(model: Model, data: Path) -> Floats:
     """What the network says of the photos of `train` in direct sun, over a clear sky [stops]."""
-    rows = [r for r in require_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= MIN_ELEVATION]
+    rows = [r for r in require_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= _MIN_ELEVATION]
     lights = [Estimator(model).predict(read_photo(row.path)).light for row in rows]
     stated = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
     if not stated:
@@ -337,7 +337,7 @@ def _report_sun_power(model: Model, data: Path, labels: Path) -> str:
     return f"A sun that shines is understated by {true - predicted:.2f} stops\n\n{markdown_table(header, rows)}"
 
 
-FITS: dict[str, Callable[..., str]] = {  # of a network, `data` and `labels`; the ground's also of `seen`
+FIT_REPORTS: dict[str, Callable[..., str]] = {  # of a network, `data` and `labels`; the ground's also of `seen`
     "ground": _report_ground,
     "sky-color": _report_sky_color,
     "sun-color": _report_sun_color,

@@ -45,7 +45,7 @@ from lighting.records import EstimatedLight, Lighting, ModelSpec
 
 # What light is in an HDR panorama: its sun, its sky and its ground as a crop's exposure has them.
 
-ROWS = 256  # of the maps in which suns are split off, at least: pixels are joined whole
+_ROWS = 256  # of the maps in which suns are split off, at least: pixels are joined whole
 
 _SEARCH = 6.0  # deg around the label's sun in which the brightest pixel counts as the sun
 _REACH = 2.5  # deg around that pixel over which the sun's light is summed: lenses spread it
@@ -65,7 +65,7 @@ class _TrueLight:
 
 @dataclass(frozen=True, eq=False)
 class _Split:
-    """A panorama at ROWS rows or a few more with its sun split off, in the panorama's frame and units."""
+    """A panorama at _ROWS rows or a few more with its sun split off, in the panorama's frame and units."""
 
     image: Floats  # (R, 2R, 3)
     sunless: Floats
@@ -81,7 +81,7 @@ def _split_sun(image: NDArray[np.float32], near: Floats | None) -> _Split:
         image: (H, 2H, 3) linear.
         near: (3,) direction near which the sun is; None where no direct light reaches the camera.
     """
-    small = shrink_envmap(image, len(image) // max(1, len(image) // ROWS))
+    small = shrink_envmap(image, len(image) // max(1, len(image) // _ROWS))
     if near is None:
         return _Split(small, small, math.nan, math.nan, np.zeros(3))
     sunless, sun, power = _without_true_sun(small, near)

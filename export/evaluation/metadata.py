@@ -38,7 +38,7 @@ LATITUDES = (-55.0, 65.0)  # deg, where people live
 FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652
 STEP = 300  # s, between the moments of a day that are tried first
 COMPASS_MEDIAN = 17.0  # deg, median error of a phone's heading
-COMPASS_STD = 25.2  # deg, standard deviation of the normal distribution with that median, which is 0.6745 of it
+PHONE_STD = 25.2  # deg, standard deviation of the normal distribution with that median, which is 0.6745 of it
 OUTLIER_RATE = 0.05  # share of headings that point anywhere
 
 
@@ -106,7 +106,7 @@ def _metadata_of_crop(truth: metrics.Truth, i: int, sighting: _SunSighting, inde
     rng = crop_rng(truth.panorama[i], index, "compass")
     heading = (sighting.compass - float(angles(truth.sun[i])[0])) % 360.0
     gross = bool(rng.random() < OUTLIER_RATE)
-    error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_STD)
+    error = rng.uniform(-180, 180) if gross else rng.normal(0, PHONE_STD)
     zone = offset_at(sighting.latitude, sighting.longitude, sighting.time)
     metadata = PhotoMetadata(
         local_time=(sighting.time + timedelta(hours=zone)).replace(tzinfo=None),
@@ -147,7 +147,7 @@ SUBSETS: tuple[tuple[str, ...], ...] = (
     (LOCAL_TIME, EvidenceKind.HEADING),
 )
 
-SIMULATION = fill(
+_SIMULATION = fill(
     "Simulated places and times: the ephemeris puts the sun as high as it is in the panorama. Simulated compasses: a "
     f"median error of {COMPASS_MEDIAN:g}°, {100 * OUTLIER_RATE:.0f} % of them pointing anywhere. The focal length is "
     "the true one. A heading without time and place says nothing about the sun. A time without its zone is of that of "
@@ -192,7 +192,7 @@ def evidence_report(
     rows = {names[parts]: _figures(scored, posteriors, headings) for parts, posteriors in fused.items()}
     sections = [
         f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
-        SIMULATION,
+        _SIMULATION,
         metrics.figures_table(rows),
         _azimuth_sentence(scored, fused[()], fused[(EvidenceKind.TIME_AND_PLACE,)]),
         WARNED,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from export.crops.crops import crop_rng
 from export.evaluation import metrics
-from export.evaluation.metadata import COMPASS_MEDIAN, COMPASS_STD, SimulatedMetadata, keep_evidence
+from export.evaluation.metadata import COMPASS_MEDIAN, PHONE_STD, SimulatedMetadata, keep_evidence
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import elevation_density, fuse_views, pooling_exponent, rotate_density
@@ -26,7 +26,7 @@ from lighting.sun_grid import HEADINGS, grid_directions, smooth_density
 
 SIZES = (2, 4, 8)  # views; one panorama has 8 crops
 CORRELATIONS = np.round(np.arange(0.1, 1.55, 0.1), 2)  # tried
-KINDS = ("sun", "azimuth", "elevation")
+_KINDS = ("sun", "azimuth", "elevation")
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def _correlation_report(
     for name, halves_fitted in (("half A", (0,)), ("half B", (1,)), ("all", (0, 1))):
         if not (training := [v for v in views if v.half in halves_fitted]):  # one place alone
             continue
-        correlations = {kind: _fit_correlation(training, kind) for kind in KINDS}
+        correlations = {kind: _fit_correlation(training, kind) for kind in _KINDS}
         tested = [v for v in views if v.half not in halves_fitted] or views
         rows[name] = {"panoramas": float(len(training)), **correlations, **_coverage(tested, correlations)}
     share = "share [%] inside the 90 % region on the other (`all`: on all)"
@@ -144,7 +144,7 @@ def _decode(views: _Densities, kind: str, probability: Floats) -> SunEstimate:
 # Accuracy and coverage of several crops of one panorama taken together.
 
 COMPASS_JITTER = 10.0  # deg, standard deviation between two headings of one phone; the rest of its error is shared
-SIMULATION = fill(
+_SIMULATION = fill(
     "Groups of views of one panorama. Known headings are exact. Compass headings share one error with a median of "
     f"{COMPASS_MEDIAN:g}°, and each has its own of {COMPASS_JITTER:g}° standard deviation. The views share elevation, "
     "turbidity and exposure; unknown headings are inferred relative to the first view.",
@@ -189,7 +189,7 @@ def groups_report(
             rows[f"{size}, {name}"] = _figures(truth, groups, fused, azimuth)
     sections = [
         f"## Several photos together, protocol `{protocol}`: crops of {len(dealt[crops_each])} panoramas [deg]",
-        SIMULATION,
+        _SIMULATION,
         metrics.figures_table(rows),
         _correlation_report(truth, predictions, azimuth, crops_each),
     ]
@@ -236,7 +236,7 @@ def _fuse_group(
 ) -> tuple[Posterior, ...]:
     """The light of crops taken together; their headings are exact where `azimuth` (N,) is there."""
     rng = np.random.default_rng(int(group[0]))
-    shared = rng.normal(0, COMPASS_STD)
+    shared = rng.normal(0, PHONE_STD)
     observations = [evidence(simulated[i], rng, shared) for i in group]
     headings = None if azimuth is None else [float(azimuth[i]) for i in group]
     return fuse_views([predictions[i] for i in group], observations, headings)

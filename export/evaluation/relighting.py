@@ -110,7 +110,7 @@ def pool_map(light: Floats) -> Floats:
 # Relighting error: a sphere lit by the panorama itself and by the light estimated from a crop of it.
 
 DRAWN = 6  # rows of the drawing
-WHITE = 0.9  # linear value at which the true picture's brightest parts are shown
+_WHITE = 0.9  # linear value at which the true picture's brightest parts are shown
 
 
 def _errors(truth: Floats, estimate: Floats) -> tuple[float, float, float]:
@@ -239,7 +239,7 @@ def _draw(lit: _LitCrops, truth: Sequence[Floats], pictures: dict[str, list[Floa
     lines = []
     for i in chosen:
         photo = Image.fromarray(tone_map(lit.crops[i].linear)).resize((SIZE * 4 // 3, SIZE))
-        gain = WHITE / float(np.percentile(truth[i], 95))
+        gain = _WHITE / float(np.percentile(truth[i], 95))
         spheres = [tone_map(p * gain) for p in (truth[i], *(p[i] for p in pictures.values()))]
         lines.append(np.concatenate([np.asarray(photo), *spheres], axis=1))
     with atomic_write(path) as temporary:
@@ -251,7 +251,7 @@ def _draw(lit: _LitCrops, truth: Sequence[Floats], pictures: dict[str, list[Floa
 
 BALLS = ("diffuse", "glossy", "mirror")
 OBJECTS = (*BALLS, "plane")
-GLOSSINESS = 60.0  # concentration of the glossy lobe, exp(GLOSSINESS (cos - 1))
+_GLOSSINESS = 60.0  # concentration of the glossy lobe, exp(_GLOSSINESS (cos - 1))
 
 _PLANE_STEP = 5  # of the plane's pixels, of which every so many is looked at
 _ACROSS = 24  # pixels of a ball's picture
@@ -271,7 +271,7 @@ def _matrix(kind: str) -> NDArray[np.float32]:
         return np.asarray(np.maximum(normals @ rays.T, 0) * solid_angle / np.pi, dtype=np.float32)
     view = np.array([0.0, 0.0, -1.0])
     reflected = view - 2 * (normals @ view)[:, None] * normals
-    sharpness = GLOSSINESS if kind == "glossy" else _MIRROR
+    sharpness = _GLOSSINESS if kind == "glossy" else _MIRROR
     weight = np.exp(sharpness * (reflected @ rays.T - 1)) * solid_angle
     return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float32)
 

@@ -231,7 +231,7 @@ def sun_bins(truth: Truth) -> dict[str, Bools]:
 
 # Accuracy on ordinary photos whose true sun is known, as medians over scenes.
 
-COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation")
+_COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation")
 HEIGHTS = ((-10, 10), (10, 20), (-10, 20), (20, 45), (45, 90))  # deg, bins of the true sun; refraction lifts some
 
 
@@ -247,7 +247,7 @@ def photo_report(index: Path, models: dict[str, Model]) -> str:
         index: `photos.csv`, whose files lie beside it.
         models: networks by name.
     """
-    rows = [row for row in read_table(index, COLUMNS) if row["sun_elevation"]]
+    rows = [row for row in read_table(index, _COLUMNS) if row["sun_elevation"]]
     elevation = np.array([float(r["sun_elevation"]) for r in rows])
     truth = direction([float(r["sun_azimuth"] or "nan") for r in rows], np.maximum(elevation, 0.0))
     scenes = np.array([r["group"] for r in rows])
@@ -304,7 +304,7 @@ def _by_scene(error: Floats, scenes: Names) -> float:
 
 Figures = dict[str, float | None]
 
-SUN = {  # column of the report's table of the sun: name in the file
+SUN_COLUMNS = {  # column of the report's table of the sun: name in the file
     "crops": "crops",
     "median": "sun_median",
     "quartile 1": "sun_quartile_1",
@@ -333,6 +333,6 @@ def stated_figures(truth: Truth, ours: Answers) -> Figures:
         ours: our network's answers for them.
     """
     sun = sun_figures(select_crops(truth, truth.scored), select_crops(ours, truth.scored))
-    measured = ((sun, SUN), (camera_figures(truth, ours), CAMERA_AND_SKY))
+    measured = ((sun, SUN_COLUMNS), (camera_figures(truth, ours), CAMERA_AND_SKY))
     stated = [(name, values[column], DECIMALS.get(column, 1)) for values, of in measured for column, name in of.items()]
     return {n: round(value, digits or None) if math.isfinite(value) else None for n, value, digits in stated}

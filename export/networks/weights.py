@@ -20,7 +20,7 @@ from export.networks.vision_transformer import WHEEL
 from lighting.files import atomic_write
 from lighting.records import Json, ModelSpec
 
-RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
+RUN_RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
 CHECKPOINT = "checkpoint.pt"
 # Heads that not every network has, by the parameter of `build_network`, and how their weights are called.
 _OPTIONAL_PARTS = {"has_sun_in_view": "seen.", "has_camera_bins": "camera.", "has_surroundings": "light."}
@@ -33,12 +33,12 @@ def read_record(folder: Path) -> Json:
         folder: of a run.
     """
     try:
-        record: Json = json.loads((folder / RECORD).read_text())
+        record: Json = json.loads((folder / RUN_RECORD).read_text())
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise DataError(f"{folder} is not the folder of a training run: {RECORD}: {why}.") from error
+        raise DataError(f"{folder} is not the folder of a training run: {RUN_RECORD}: {why}.") from error
     if not isinstance(record, dict) or "spec" not in record:
-        raise DataError(f"{folder} is not the folder of a training run: {RECORD} is of another kind.")
+        raise DataError(f"{folder} is not the folder of a training run: {RUN_RECORD} is of another kind.")
     return record
 
 
@@ -199,7 +199,7 @@ def write_run(folder: Path, record: Json, weights: dict[str, Tensor]) -> None:
         weights: averaged, by their names in the network.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    with atomic_write(folder / RECORD) as path:
+    with atomic_write(folder / RUN_RECORD) as path:
         path.write_text(json.dumps(record, indent=1))
     with atomic_write(folder / CHECKPOINT) as path:
         torch.save({"average": {f"module.{name}": value for name, value in weights.items()}}, path)

@@ -35,9 +35,9 @@ from lighting.photo.reader import photo_from_array
 
 GAMMA = 2.4
 VIEW = 16.0, 2.0  # m from the ball, and above it
-ALBEDO = 0.8
+_ALBEDO = 0.8
 ROUGHNESS = 0.5  # of matte silver; the square is alpha of GGX [2]
-BALLS = ("diffuse", "matte", "mirror")
+_BALLS = ("diffuse", "matte", "mirror")
 
 _AZIMUTHS = 0.0, 180.0  # deg, of the two level crops of a panorama
 _FOV = 60.0  # deg, vertical
@@ -48,7 +48,7 @@ _EPSILON = 1e-9
 
 @dataclass(frozen=True)
 class _Score:
-    """Errors of one map, by BALLS."""
+    """Errors of one map, by _BALLS."""
 
     rmse: tuple[float, ...]  # after the best scale
     angle: tuple[float, ...]  # deg
@@ -110,28 +110,28 @@ def _developed(light: Floats) -> Floats:
 
 def _figures(scores: Sequence[_Score], chosen: NDArray[np.bool_]) -> dict[str, float]:
     rmse, angle = (np.array([getattr(s, name) for s in scores])[chosen].mean(axis=0) for name in ("rmse", "angle"))
-    pairs = zip(BALLS, rmse.tolist(), angle.tolist(), strict=True)
+    pairs = zip(_BALLS, rmse.tolist(), angle.tolist(), strict=True)
     return {key: value for ball, r, a in pairs for key, value in ((f"{ball} SI-RMSE", r), (f"{ball} angle", a))}
 
 
 @lru_cache(maxsize=1)
 def _ball_matrices() -> list[NDArray[np.float32]]:
-    """How much (P, 2 HEIGHT²) each pixel of a map is seen in each pixel of BALLS."""
+    """How much (P, 2 HEIGHT²) each pixel of a map is seen in each pixel of _BALLS."""
     normal, view = _ball_points()
     rays = latlong_directions(HEIGHT).reshape(-1, 3)
     solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)
     cosine = np.maximum(normal @ rays.T, 0)
-    diffuse = cosine * solid_angle * (ALBEDO / math.pi)
+    diffuse = cosine * solid_angle * (_ALBEDO / math.pi)
     half = rays[None] + view[:, None]
     half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), _EPSILON)
     facing = np.maximum(np.einsum("pri,pi->pr", half, normal), 0)
     alpha2 = ROUGHNESS**4
     density = alpha2 / (math.pi * (facing**2 * (alpha2 - 1) + 1) ** 2)
     seen = np.maximum(np.sum(normal * view, axis=1, keepdims=True), _EPSILON)
-    matte = ALBEDO * density * _unmasked(cosine, alpha2) * _unmasked(seen, alpha2) / (4 * seen) * (cosine > 0)
+    matte = _ALBEDO * density * _unmasked(cosine, alpha2) * _unmasked(seen, alpha2) / (4 * seen) * (cosine > 0)
     reflected = 2 * seen * normal - view
     mirror = np.zeros_like(diffuse)
-    mirror[np.arange(len(normal)), np.argmax(reflected @ rays.T, axis=1)] = ALBEDO
+    mirror[np.arange(len(normal)), np.argmax(reflected @ rays.T, axis=1)] = _ALBEDO
     return [np.asarray(m, dtype=np.float32) for m in (diffuse, matte * solid_angle, mirror)]
 
 

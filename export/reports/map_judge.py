@@ -31,7 +31,7 @@ from lighting.color import srgb_bytes
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
 
-KINDS = {"frame": slice(0, 3), "far": slice(3, 6), "ball": slice(6, 7)}
+_KINDS = {"frame": slice(0, 3), "far": slice(3, 6), "ball": slice(6, 7)}
 JUDGE_NOTE = (
     "A vision transformer's kernel distance x 1000 from true panoramas of other places, with its standard deviation. "
     "`frame`: views with the photo's left, right and upper edge in their middle; `far`: at 90, 180 and -90 deg; "
@@ -45,7 +45,7 @@ Features = Callable[[NDArray[np.uint8]], Floats]
 
 
 def judged_views(image: NDArray[np.float32], pitch: float) -> NDArray[np.uint8]:
-    """What is judged of a map: views (7, VIEW_PIXELS, VIEW_PIXELS, 3), sRGB, in the order of KINDS.
+    """What is judged of a map: views (7, VIEW_PIXELS, VIEW_PIXELS, 3), sRGB, in the order of _KINDS.
 
     Args:
         image: (H, 2H, 3) linear, with the photo's camera at azimuth 0.
@@ -115,16 +115,16 @@ def report_map_judge(data: Path, model: Model, count: int, split: str, cache: Pa
 
 def _figures(maps: Floats, true: Floats, places: NDArray[np.str_]) -> dict[str, float]:
     figures: dict[str, float] = {}
-    for kind, views in KINDS.items():
+    for kind, views in _KINDS.items():
         drawn = distances_by_places(maps[:, views], true[:, views], places, _DRAWS)
         figures |= {kind: float(drawn.mean()), f"{kind} +-": float(drawn.std())}
     return figures
 
 
 def _share_nearer(maps: Floats, others: Floats, true: Floats, places: NDArray[np.str_]) -> dict[str, float]:
-    """By KINDS, in which share of draws of places maps are nearer to true panoramas than others are."""
+    """By _KINDS, in which share of draws of places maps are nearer to true panoramas than others are."""
     shares: dict[str, float] = {}
-    for kind, views in KINDS.items():
+    for kind, views in _KINDS.items():
         ours, theirs = (distances_by_places(m[:, views], true[:, views], places, _DRAWS) for m in (maps, others))
         shares |= {kind: float(np.mean(ours < theirs)), f"{kind} +-": float("nan")}
     return shares

@@ -187,7 +187,7 @@ def _pair_figures(pairs: Sequence[_Pair]) -> dict[str, float]:
 
 # Sets of 3 to 5 overlapping photos: their headings, their lens, and the sun.
 
-HEADINGS = ("headings unknown", "headings by matches", "true headings")  # known of a set's cameras
+COMPARED = ("headings unknown", "headings by matches", "true headings")  # known of a set's cameras
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +197,7 @@ class _PhotoSet:
     cameras: list[Camera]
     predictions: list[Prediction]
     views: tuple[RegisteredView, ...]
-    posteriors: dict[str, tuple[Posterior, ...]]  # by HEADINGS
+    posteriors: dict[str, tuple[Posterior, ...]]  # by COMPARED
     sun: Floats | None  # (3,) true, from azimuth 0 of the panorama
 
     @property
@@ -235,7 +235,7 @@ def _sets_section(model: Model, panoramas: Sequence[Panorama]) -> str:
     lit = [one for one in sets if one.sun is not None]
     tables = [figures_table({"all": _set_figures(sets)}, digits=2)]
     if lit:
-        tables += [f"The sun of {len(lit)} sets", figures_table({h: _sun_figures(lit, h) for h in HEADINGS}, digits=2)]
+        tables += [f"The sun of {len(lit)} sets", figures_table({h: _sun_figures(lit, h) for h in COMPARED}, digits=2)]
     return "\n\n".join([f"## Sets of 3 to 5 overlapping photos ({len(sets)} places)", *tables])
 
 
@@ -263,7 +263,7 @@ def _fuse_set(model: Model, panorama: Panorama, size: int) -> _PhotoSet:
         fuse_views(predictions, nothing, None, views),
         fuse_views(predictions, nothing, [camera.azimuth for camera in cameras]),
     )
-    return _PhotoSet(cameras, predictions, views, dict(zip(HEADINGS, posteriors, strict=True)), sun)
+    return _PhotoSet(cameras, predictions, views, dict(zip(COMPARED, posteriors, strict=True)), sun)
 
 
 def _set_figures(sets: Sequence[_PhotoSet]) -> dict[str, float]:
@@ -272,7 +272,7 @@ def _set_figures(sets: Sequence[_PhotoSet]) -> dict[str, float]:
     heading = heading[np.isfinite(heading)]
     matched = np.concatenate([one.fov_errors([view.vertical_fov for view in one.views]) for one in sets])
     predicted = np.concatenate([one.fov_errors([p.vertical_fov for p in one.predictions]) for one in sets])
-    moved = np.concatenate([angle_between(one.suns(HEADINGS[1]), one.suns(HEADINGS[2])) for one in sets])
+    moved = np.concatenate([angle_between(one.suns(COMPARED[1]), one.suns(COMPARED[2])) for one in sets])
     connected = np.concatenate([np.full(len(one.cameras), one.connected) for one in sets])
     return {
         "connected [%]": 100 * float(np.mean([one.connected for one in sets])),

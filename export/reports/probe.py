@@ -33,8 +33,8 @@ READ_ELECTRONS = 3.0
 SKY_PLACE = (47.0, 8.0)  # deg
 SKY_DAY = datetime(2024, 6, 1, 9, 0, tzinfo=UTC)
 PICTURE_SIDE = 800  # pixels of a picture
-TURBIDITY = 3.0  # of the synthetic clear skies
-MAP_HEIGHT = 256  # rows of the maps compared
+_TURBIDITY = 3.0  # of the synthetic clear skies
+_MAP_HEIGHT = 256  # rows of the maps compared
 SKY_FILL = 8.0  # of full scale: the peak in the shortest exposure when the sky is exposed for, and the sun clips
 SCANS = Path(__file__).with_name("sky_scans.csv")
 SCAN_PLACE = (42.443449, -76.481962)  # deg, the roof of Rhodes Hall
@@ -53,7 +53,7 @@ def report_probe() -> str:
             sun = ["-", "clipped"] if errors.clipped else [f"{100 * errors.sun:.1f} %", "not clipped"]
             sky = [f"{errors.steps:.1f}", f"{100 * errors.longest:.1f} %", f"{100 * errors.sky:.1f} %"]
             rows.append([str(bits), name, *sky, *sun, f"{errors.rotation:.2f}°"])
-    title = f"Seven exposures of 1/8000 to 1 s, {PICTURE_SIDE} x {PICTURE_SIDE} pixels, map of {MAP_HEIGHT} rows"
+    title = f"Seven exposures of 1/8000 to 1 s, {PICTURE_SIDE} x {PICTURE_SIDE} pixels, map of {_MAP_HEIGHT} rows"
     of_sky = ("rounding steps in the darkest sky", "sky by the longest exposure alone, relative RMSE", "sky")
     header = ["bits", "exposed for", *of_sky, "sun's irradiance", "the probe says", "alignment"]
     return f"## {title}\n\n{markdown_table(header, rows)}"
@@ -78,7 +78,7 @@ def _clear_sky_at(moment: Moment) -> Lighting:
         moment: when and where.
     """
     azimuth, elevation = moment.sun
-    return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=TURBIDITY, exposure=1.0)
+    return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=_TURBIDITY, exposure=1.0)
 
 
 def _photograph_sky(lighting: Lighting, lens: Lens, rotation: Floats) -> NDArray[np.float32]:
@@ -166,7 +166,7 @@ def _measure_bracket(camera: _BracketCamera, moment: Moment, lens: Lens, yaw: fl
     picture = _photograph_sky(lighting, lens, rotation)
     bracket = make_bracket(_expose_bracket(picture, camera, np.random.default_rng(seed)))
     settings = BracketSettings(
-        kind=lens.kind, fov=lens.fov, centre=lens.centre, radius=lens.radius, pitch=lens.pitch, height=MAP_HEIGHT
+        kind=lens.kind, fov=lens.fov, centre=lens.centre, radius=lens.radius, pitch=lens.pitch, height=_MAP_HEIGHT
     )
     probe = make_probe(bracket, moment, settings)
     assert probe.spot is not None
@@ -175,7 +175,7 @@ def _measure_bracket(camera: _BracketCamera, moment: Moment, lens: Lens, yaw: fl
     power = probe.spot.irradiance / gain / sun_light(lighting)[0] - 1
     longest, seconds = bracket.photos[-1], BRACKET_TIMES[-1]
     radiance = longest.pixels / np.float32(seconds)
-    single = resample_to_latlong(radiance, clipped_mask(longest), lens, rotation, MAP_HEIGHT)[0]
+    single = resample_to_latlong(radiance, clipped_mask(longest), lens, rotation, _MAP_HEIGHT)[0]
     sky, alone = (_sky_error(image, lighting, gain) for image in (probe.image, single))
     steps = float(np.quantile(picture[picture.any(axis=-1), 0], _DARK) * gain * seconds / longest.step)
     turned = _rotation_between(probe.alignment.rotation, rotation)

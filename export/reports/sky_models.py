@@ -19,8 +19,8 @@ from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row
 from lighting.geometry import Floats, angle_between, direction, latlong_directions
 from lighting.sky.clear_sky import prague_radiance, sky_radiance
 
-BANDS = ((0.0, 10.0), (10.0, 25.0), (25.0, 90.0))  # of the sun's elevation, deg
-TURBIDITIES = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
+_BANDS = ((0.0, 10.0), (10.0, 25.0), (25.0, 90.0))  # of the sun's elevation, deg
+_TURBIDITIES = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 SKY_NOTE = (
     "Median differences from the sky of HDR panoramas [stops]. They are of luminance after one exposure, of red and "
     "blue over green after white balance, and of the light on four upright faces. Medians over pictures."
@@ -88,16 +88,18 @@ def _read_truths(panoramas: Sequence[Panorama]) -> Iterator[_Truth]:
 def _format_errors(truths: Sequence[_Truth]) -> str:
     sections = [SKY_NOTE]
     skies: dict[str, _Sky] = {"Hosek-Wilkie": _hosek_wilkie, "Prague": _prague}
-    for low, high in BANDS:
-        chosen = [truth for truth in truths if low <= truth.elevation < high or truth.elevation == high == BANDS[-1][1]]
+    for low, high in _BANDS:
+        chosen = [
+            truth for truth in truths if low <= truth.elevation < high or truth.elevation == high == _BANDS[-1][1]
+        ]
         if not chosen:
             continue
         rows = {}
         for name, sky in skies.items():
-            errors = {t: [_compare(truth, partial(sky, turbidity=t)) for truth in chosen] for t in TURBIDITIES}
-            best = [min((errors[t][i] for t in TURBIDITIES), key=lambda e: e.brightness) for i in range(len(chosen))]
+            errors = {t: [_compare(truth, partial(sky, turbidity=t)) for truth in chosen] for t in _TURBIDITIES}
+            best = [min((errors[t][i] for t in _TURBIDITIES), key=lambda e: e.brightness) for i in range(len(chosen))]
             rows[f"{name}, best turbidity of each picture"] = _figures(best)
-            rows |= {f"{name}, turbidity {t:g}": _figures(errors[t]) for t in TURBIDITIES}
+            rows |= {f"{name}, turbidity {t:g}": _figures(errors[t]) for t in _TURBIDITIES}
         sections += [f"Suns at {low:g} to {high:g}°: {len(chosen)} pictures", figures_table(rows, 3)]
     return "\n\n".join(sections)
 

@@ -37,11 +37,11 @@ from lighting.stereo.solver import (
 
 Image = NDArray[np.float32]
 
-HOURS = np.arange(9.0, 17.0)  # local solar time, about, of the eight photos
+_HOURS = np.arange(9.0, 17.0)  # local solar time, about, of the eight photos
 SEASONS = {
-    "47° N, March": CaptureDay(utc_times("2024-03-21", HOURS), 47.0),
-    "47° N, June": CaptureDay(utc_times("2024-06-21", HOURS), 47.0),
-    "35° N, December": CaptureDay(utc_times("2024-12-21", HOURS), 35.0),
+    "47° N, March": CaptureDay(utc_times("2024-03-21", _HOURS), 47.0),
+    "47° N, June": CaptureDay(utc_times("2024-06-21", _HOURS), 47.0),
+    "35° N, December": CaptureDay(utc_times("2024-12-21", _HOURS), 35.0),
 }
 
 _ALBEDO = 0.6

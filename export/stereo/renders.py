@@ -16,7 +16,7 @@ from PIL import Image
 from export.stereo.surfaces import Surface, is_held_out, project_mesh, random_rotation, read_mesh
 from lighting.geometry import Floats
 from lighting.stereo.light_vectors import (
-    TURBIDITY,
+    CLEAR_TURBIDITY,
     Skies,
     clear_skies,
     sky_light_vectors,
@@ -42,7 +42,7 @@ class CaptureDay:
     times: NDArray[np.datetime64]  # (T,), UTC
     latitude: float  # deg
     longitude: float = 0.0  # deg
-    turbidity: float = TURBIDITY
+    turbidity: float = CLEAR_TURBIDITY
     ground_albedo: float = 0.3
     pose: Pose = field(default_factory=Pose)
 

@@ -241,7 +241,7 @@ _TRUST = 3.0  # how much the search's best normal weighs at first, as a logit
 _CANDIDATES = 3  # best, mean and other normal, the first planes of the shared ones
 _SPREAD = 11  # the shared plane with the search's spread, in units of 30 deg
 OPSET = 18
-TOLERANCE = 2e-3  # largest difference between torch and onnxruntime, of normals and of errors [rad]
+EXPORT_TOLERANCE = 2e-3  # largest difference between torch and onnxruntime, of normals and of errors [rad]
 
 
 class _NormalsNetwork(nn.Module):
@@ -506,7 +506,7 @@ def export_normals(run: Path, target: Path, version: str) -> float:
         version: of the network.
 
     Raises:
-        ModelError: where torch and onnxruntime differ by more than TOLERANCE.
+        ModelError: where torch and onnxruntime differ by more than EXPORT_TOLERANCE.
     """
     import onnx
 
@@ -522,8 +522,8 @@ def export_normals(run: Path, target: Path, version: str) -> float:
         onnx.checker.check_model(model)
         onnx.save_model(model, str(path), save_as_external_data=False)
         difference = _parity(network, path)
-    if not difference <= TOLERANCE:
-        raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {TOLERANCE:.0e}.")
+    if not difference <= EXPORT_TOLERANCE:
+        raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {EXPORT_TOLERANCE:.0e}.")
     return difference
 
 

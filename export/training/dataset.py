@@ -98,7 +98,7 @@ class TrainConfig:
 
 _NARROW = 0.6  # share of the run from which sun targets are as narrow as they get
 _TUNE_EACH = 8  # crops of each held-out panorama
-ACROSS, DOWN = 8, 6  # crops in the picture of samples, one of each of the first places
+_ACROSS, DOWN = 8, 6  # crops in the picture of samples, one of each of the first places
 
 
 class Batch(NamedTuple):
@@ -298,15 +298,15 @@ def write_samples(folder: Path, target: Path) -> None:
         folder: of rendered places.
         target: JPEG file to write.
     """
-    panoramas = read_index(folder, "train")[: ACROSS * DOWN]
-    if len(panoramas) < ACROSS * DOWN:
-        raise DataError(f"{folder} holds {len(panoramas)} places; the picture shows {ACROSS * DOWN}.")
+    panoramas = read_index(folder, "train")[: _ACROSS * DOWN]
+    if len(panoramas) < _ACROSS * DOWN:
+        raise DataError(f"{folder} holds {len(panoramas)} places; the picture shows {_ACROSS * DOWN}.")
     spec = network_specs("")["outdoor"]
     sources = load_sources(panoramas, folder / LABELS)
     cameras = [paper_camera(crop_rng(source.panorama.name, 0, "sample")) for source in sources]
     crops = [crop_panorama(source, camera, spec) for source, camera in zip(sources, cameras, strict=True)]
     tiles = np.stack([tone_map(crop.linear) for crop in crops])
     height, width = tiles.shape[1:3]
-    rows = tiles.reshape(DOWN, ACROSS, height, width, 3).swapaxes(1, 2)
+    rows = tiles.reshape(DOWN, _ACROSS, height, width, 3).swapaxes(1, 2)
     with atomic_write(target) as temporary:
-        Image.fromarray(rows.reshape(DOWN * height, ACROSS * width, 3)).save(temporary, "JPEG", quality=80)
+        Image.fromarray(rows.reshape(DOWN * height, _ACROSS * width, 3)).save(temporary, "JPEG", quality=80)

@@ -42,7 +42,7 @@ from export.networks.outdoor import (
 from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.weights import (
     CHECKPOINT,
-    RECORD,
+    RUN_RECORD,
     averaged_weights,
     read_checkpoint,
     read_network,
@@ -409,7 +409,7 @@ def _write_record(run: _Run, commits: Iterable[str], kept: Sequence[Panorama], h
         "before": training_history(*(read_record(Path(folder)) for folder in sources)),
         "panoramas": {"train": [p.name for p in kept], "tune": [p.name for p in held_out]},
     }
-    with atomic_write(Path(config.out) / RECORD) as path:
+    with atomic_write(Path(config.out) / RUN_RECORD) as path:
         path.write_text(json.dumps(record, indent=1))
 
 

@@ -29,7 +29,7 @@ from lighting.model import pad_to_input
 from lighting.photo.reader import read_photo
 from lighting.segmentation import CELL_PIXELS, Segments, SurfaceClass, photo_segments
 
-TABLE = "ground.csv"
+_TABLE = "ground.csv"
 _MORE = Path(__file__).parents[1] / "data" / "ground_more.csv"  # grids of photos of `train`
 LETTERS = "GUWTBVPOMS"  # of the grid, in the order of SurfaceClass
 
@@ -76,7 +76,7 @@ def read_labelled_pictures(folder: Path, split: str) -> list[LabelledPicture]:
         DataError: a table is missing, or a grid cannot be read.
     """
     groups = _groups(folder)
-    rows = [row for row in read_table(folder / TABLE, _COLUMNS) if row["split"] == split]
+    rows = [row for row in read_table(folder / _TABLE, _COLUMNS) if row["split"] == split]
     return [_picture(folder, row, groups) for row in rows]
 
 
@@ -107,7 +107,7 @@ def _picture(folder: Path, row: dict[str, str], groups: dict[str, str]) -> Label
     shape = (int(row["rows"]), int(row["columns"]))
     if (len(lines), *{len(line) for line in lines}) != shape or set(row["grid"]) - set(LETTERS + "/"):
         raise DataError(
-            f"{folder / TABLE}: the grid of {row['file']} is not {shape[1]} x {shape[0]} letters of {LETTERS}."
+            f"{folder / _TABLE}: the grid of {row['file']} is not {shape[1]} x {shape[0]} letters of {LETTERS}."
         )
     grid = np.array([[LETTERS.index(letter) for letter in line] for line in lines], dtype=np.intp)
     group = groups.get(row["file"]) or groups.get(row["panorama"]) or row["panorama"] or row["file"]

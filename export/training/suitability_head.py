@@ -38,7 +38,7 @@ from lighting.records import ModelSpec
 Picture = NDArray[np.uint8]
 _Suited = Outdoor | OutdoorTransformer
 
-TABLE = "unsuitable.csv"
+UNSUITABLE_TABLE = "unsuitable.csv"
 SYNTHETIC_KINDS = ("on its side", "upside down", "whole panorama", "night", "black", "blown out", "drawing", "plain")
 
 
@@ -57,9 +57,9 @@ def _read_unsuitable(folder: Path) -> list[_Unsuitable]:
     Args:
         folder: with `unsuitable.csv` and the pictures.
     """
-    if not (folder / TABLE).exists():
+    if not (folder / UNSUITABLE_TABLE).exists():
         return []
-    rows = read_table(folder / TABLE, ("file", "kind", "source"))
+    rows = read_table(folder / UNSUITABLE_TABLE, ("file", "kind", "source"))
     return [_Unsuitable(r["kind"], r["source"].partition(":")[0], read_photo(folder / r["file"]).pixels) for r in rows]
 
 

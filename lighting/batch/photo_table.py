@@ -19,7 +19,7 @@ _NUMBERS = ("latitude", "longitude", "heading", "vertical_fov", "camera_height")
 _TEXTS = ("time", "utc_offset", "horizon", "reference")
 _LISTS = {"shadow": "shadows", "vertical": "verticals"}  # separated by ;
 _SHORT = {"lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
-COLUMNS = (_FILE, *_TEXTS, *_NUMBERS, *_LISTS, "camera", "pick")
+_COLUMNS = (_FILE, *_TEXTS, *_NUMBERS, *_LISTS, "camera", "pick")
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def read_photo_table(path: str) -> PhotoTable:
     """Read a table.
 
     Args:
-        path: of the CSV, in UTF-8; the first line names the columns, of COLUMNS. Cameras of fSpy lie beside it.
+        path: of the CSV, in UTF-8; the first line names the columns, of _COLUMNS. Cameras of fSpy lie beside it.
 
     Raises:
         BatchError: it is no such table; the sentence names file and line.
@@ -68,8 +68,8 @@ def read_photo_table(path: str) -> PhotoTable:
         raise BatchError(f"{path} is no table of text in UTF-8, with commas.") from error
     written = [cell.strip().lower().replace("-", "_") for cell in (lines[0] if lines else [])]
     header = [_SHORT.get(name, name) for name in written]
-    if unknown := next((name for name in header if name not in COLUMNS), None):
-        raise BatchError(f"{path} has a column {unknown!r}; it may have {', '.join(COLUMNS)}.")
+    if unknown := next((name for name in header if name not in _COLUMNS), None):
+        raise BatchError(f"{path} has a column {unknown!r}; it may have {', '.join(_COLUMNS)}.")
     if header.count(_FILE) != 1 or len(set(header)) < len(header):
         raise BatchError(f"{path} needs one column {_FILE!r}, and each other one once at most.")
     rows: dict[str, PhotoInput] = {}

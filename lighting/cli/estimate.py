@@ -56,13 +56,13 @@ def _estimate_views(
 
     Without headings they are registered with each other where OpenCV is installed.
     """
-    from lighting.registration.two_view import MAX_SIDE, has_opencv
+    from lighting.registration.two_view import MATCH_SIDE, has_opencv
 
     register = headings is None and has_opencv()
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
-            read[i] = name, console.read_photo_file(name, MAX_SIDE if register else None)
+            read[i] = name, console.read_photo_file(name, MATCH_SIDE if register else None)
         except (PhotoError, OSError) as error:
             yield name, error
     if not read:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from lighting.probe.sky_fit import SkyState
     from lighting.records import Json
 
-KINDS = ("equidistant", "equisolid", "ball", "latlong")
+PROBE_KINDS = ("equidistant", "equisolid", "ball", "latlong")
 
 
 class _MergeCommand(Command):
@@ -68,7 +68,7 @@ def _pair(text: str, what: str) -> tuple[float, float]:
     """,
 )
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
-@click.option("--lens", "kind", type=click.Choice(KINDS), required=True, help="What took the pictures.")
+@click.option("--lens", "kind", type=click.Choice(PROBE_KINDS), required=True, help="What took the pictures.")
 @click.option("--lens-fov", "fov", type=Number("180"), metavar="DEG", help="Across the lens's circle. [180]")
 @click.option("--centre", metavar="X,Y", callback=_point, help="Of the circle or ball, pixels. [the middle]")
 @click.option("--radius", type=Number("1400"), metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")

@@ -17,7 +17,7 @@ import numpy as np
 
 mi: Any = mitsuba
 
-FOLDER = Path(__file__).resolve().parent
+_FOLDER = Path(__file__).resolve().parent
 FALLBACK = "scalar_rgb"  # the variant that runs everywhere
 TRY_SECONDS = 60  # after which a variant counts as one that hangs: a search for LLVM in vain can
 
@@ -26,14 +26,14 @@ def _main(samples: str = "64", variant: str = FALLBACK) -> None:
     if variant != FALLBACK:
         _try(variant)
     mi.set_variant(variant)
-    plate = _linear(mi.Bitmap(str(FOLDER / "plate.png")))
+    plate = _linear(mi.Bitmap(str(_FOLDER / "plate.png")))
     lit = _lit_ground(plate.shape[1], plate.shape[0])
     sky, sun = _sky_and_sun(int(samples), "camera.xml", "light.xml", "object.xml")
     empty_sky, empty_sun = _sky_and_sun(int(samples), "camera.xml", "light.xml")
     covered = np.clip(_render(16, "camera.xml", "object.xml")[..., 3:], 0, 1)
     shadowed = plate * (sky + lit * sun) / np.maximum(empty_sky + lit * empty_sun, 1e-6)
     picture = covered * (sky + _sun_on_object() * sun) + (1 - covered) * shadowed
-    mi.util.write_bitmap(str(FOLDER / "composite.png"), mi.Bitmap(picture.astype(np.float32)), write_async=False)
+    mi.util.write_bitmap(str(_FOLDER / "composite.png"), mi.Bitmap(picture.astype(np.float32)), write_async=False)
 
 
 def _try(variant: str) -> None:
@@ -59,14 +59,14 @@ def _linear(picture: Any) -> Any:
 
 def _lit_ground(width: int, height: int) -> Any:
     """How much of the sun reaches the photo's ground (H, W, 1), 0 to 1."""
-    values = np.array(mi.Bitmap(str(FOLDER / "lit_ground.png"))).astype(np.float32) / 255
+    values = np.array(mi.Bitmap(str(_FOLDER / "lit_ground.png"))).astype(np.float32) / 255
     fitted = mi.Bitmap(values.reshape(*values.shape[:2], 1)).resample([width, height])
     return np.clip(np.array(fitted).reshape(height, width, 1), 0, 1)
 
 
 def _sun_on_object() -> float:
     """How much of the sun reaches the object, 0 to 1."""
-    root = ElementTree.parse(FOLDER / "object.xml").getroot()
+    root = ElementTree.parse(_FOLDER / "object.xml").getroot()
     return next(float(part.attrib["value"]) for part in root.iter("default") if part.get("name") == "sun_on_object")
 
 
@@ -78,7 +78,7 @@ def _sky_and_sun(samples: int, *parts: str) -> tuple[Any, Any]:
 
 def _render(samples: int, *parts: str, **values: str) -> Any:
     """Linear pixels (H, W, 4) of a scene of these files; the same seed gives what they share the same noise."""
-    names = "".join(f'<include filename="{FOLDER / part}"/>' for part in parts)
+    names = "".join(f'<include filename="{_FOLDER / part}"/>' for part in parts)
     scene = mi.load_string(f'<scene version="3.0.0">{names}</scene>', samples=samples, **values)
     return np.array(mi.render(scene, seed=0))
 

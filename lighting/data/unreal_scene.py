@@ -16,9 +16,9 @@ Json = dict[str, Any]
 Numbers = Sequence[float]
 
 NAME = "LightFromPhoto"
-FOLDER = Path(__file__).resolve().parent
-NUMBERS = json.loads((FOLDER / "unreal_scene.json").read_text(encoding="utf-8"))
-ASSETS = f"/Game/{NAME}/{NUMBERS['name']}"
+_FOLDER = Path(__file__).resolve().parent
+_NUMBERS = json.loads((_FOLDER / "unreal_scene.json").read_text(encoding="utf-8"))
+_ASSETS = f"/Game/{NAME}/{_NUMBERS['name']}"
 SHAPES = "/Engine/BasicShapes"  # each 100 units wide and tall, around its middle
 
 actors = unreal.get_editor_subsystem(unreal.EditorActorSubsystem)
@@ -28,7 +28,7 @@ editing = unreal.MaterialEditingLibrary
 
 
 def _main() -> None:
-    folder, numbers = FOLDER, NUMBERS
+    folder, numbers = _FOLDER, _NUMBERS
     _remove_last()
     _warn_of_other_lights()
     cubemap = _import_picture(folder / numbers["environment"])
@@ -63,12 +63,12 @@ def _import_picture(path: Path) -> Any:
     """The asset that a picture becomes; a lat-long .hdr becomes a cubemap."""
     task = unreal.AssetImportTask()
     task.set_editor_property("filename", str(path))
-    task.set_editor_property("destination_path", ASSETS)
+    task.set_editor_property("destination_path", _ASSETS)
     task.set_editor_property("automated", True)
     task.set_editor_property("replace_existing", True)
     task.set_editor_property("save", True)
     tools.import_asset_tasks([task])
-    return library.load_asset(f"{ASSETS}/{path.stem}")
+    return library.load_asset(f"{_ASSETS}/{path.stem}")
 
 
 def _import_plain(path: Path) -> Any:
@@ -81,9 +81,9 @@ def _import_plain(path: Path) -> Any:
 
 
 def _new_material(name: str) -> Any:
-    if library.does_asset_exist(f"{ASSETS}/{name}"):
-        library.delete_asset(f"{ASSETS}/{name}")
-    return tools.create_asset(name, ASSETS, unreal.Material, unreal.MaterialFactoryNew())
+    if library.does_asset_exist(f"{_ASSETS}/{name}"):
+        library.delete_asset(f"{_ASSETS}/{name}")
+    return tools.create_asset(name, _ASSETS, unreal.Material, unreal.MaterialFactoryNew())
 
 
 def _projected_material(name: str, albedo: Any, emission: Any) -> Any:

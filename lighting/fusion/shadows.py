@@ -28,7 +28,7 @@ Point = tuple[float, float]
 
 # Widths under which 50 and 90 % regions hold as much on 88 sure marks: `python -m export report shadows` prints it.
 HAND_STD = 0.007  # of a marked point, as a share of the photo's longer side
-OUTLIER_RATE = 0.1  # share of marks that are wrong altogether: 8 % of 97 sure ones
+_OUTLIER_RATE = 0.1  # share of marks that are wrong altogether: 8 % of 97 sure ones
 _CAMERA_STD = (
     1.3,
     1.4,
@@ -237,7 +237,7 @@ def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats) -> Floats:
     between = shaded + wrap_azimuth(lit - shaded) / 2
     beside = np.degrees(np.arcsin(np.sin(np.radians(azimuth - between)))) * np.sign(wrap_azimuth(lit - shaded))
     share = 1.0 / (1.0 + np.exp(-1.7 * beside / _SIDE_STD))
-    return np.asarray((1 - OUTLIER_RATE) * share + OUTLIER_RATE / 2)
+    return np.asarray((1 - _OUTLIER_RATE) * share + _OUTLIER_RATE / 2)
 
 
 _HORIZON = "A point of a shadow lies at the horizon or over it, where no ground is; mark a nearer shadow."
@@ -301,7 +301,7 @@ def _gaussian(error: Floats, variance: float) -> Floats:
 
 def _mix(density: Floats, extent: float) -> Floats:
     """A density with its share of marks that are wrong altogether, which lie anywhere in the extent [deg, deg2]."""
-    return np.asarray((1 - OUTLIER_RATE) * density + OUTLIER_RATE / extent)
+    return np.asarray((1 - _OUTLIER_RATE) * density + _OUTLIER_RATE / extent)
 
 
 def fuse_shadows(

@@ -55,7 +55,7 @@ PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has a
 _MAX_RADIUS = 90.0  # deg: where a tenth of the probability lies farther off, the sun may as well be opposite
 _MIN_DOUBTFUL = 0.25  # probability of direct sunlight from which on its absence is not certain
 _WARNING_LETTERS = 160  # of a line of warnings
-WIDTH = 1600  # of the whole picture
+PREVIEW_WIDTH = 1600  # of the whole picture
 _MARGIN = 40  # around all
 _GAP = 24  # between panels
 _HEADER = 78  # height of the headline above the panels
@@ -142,7 +142,7 @@ def draw_preview_pixels(
     photo_scene = scene if lighting.sun_irradiance is not None and lighting.spot_pixel is not None else None
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     photo_text = _format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
-    canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
+    canvas = Image.new("RGB", (PREVIEW_WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)
     map_panel = _draw_map_panel(envmap, lighting, aspect, plan.envmap)
     photo_panel = _draw_photo_panel(photo, lighting, plan.photo, photo_scene, estimate.segments, photo_sun)
@@ -179,10 +179,10 @@ def draw_candidates_pixels(
     """
     photo, count = check_pixels(photo), len(suns)
     aspect = min(max(photo.shape[1] / photo.shape[0], 0.5), 2.0)
-    width = (WIDTH - 2 * _MARGIN - (count - 1) * _GAP) // count
+    width = (PREVIEW_WIDTH - 2 * _MARGIN - (count - 1) * _GAP) // count
     height = round(min(width / aspect, _UPRIGHT_HEIGHT))
     top, below = _MARGIN + _CAPTION, _MARGIN + _CAPTION + height + _GAP
-    canvas = Image.new("RGB", (WIDTH, below + width // 2 + _MARGIN), BACKGROUND)
+    canvas = Image.new("RGB", (PREVIEW_WIDTH, below + width // 2 + _MARGIN), BACKGROUND)
     for number, (sun, (light, envmap)) in enumerate(zip(suns, views, strict=True)):
         left = _MARGIN + number * (width + _GAP)
         box, spheres = _Box(left, top, width, height), _Box(left, below, width, width // 2)
@@ -218,7 +218,7 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     doubtful = lighting.suitable is not None and lighting.suitable < MIN_SUITABLE
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
     sources = _format_sources(lighting)
-    size = _fit_text_size(title, 28 if doubtful else 38, WIDTH - 2 * _MARGIN - _GAP - text_width(sources, 18))
+    size = _fit_text_size(title, 28 if doubtful else 38, PREVIEW_WIDTH - 2 * _MARGIN - _GAP - text_width(sources, 18))
     draw_text(canvas, (_MARGIN, _MARGIN - 6), title, TextStyle(size, TEXT if doubtful or not visible else SUN))
     if visible and not lighting.radius_90:
         accuracy = "set by hand"
@@ -233,10 +233,10 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
             f"an overcast or shaded scene; if the sun shone, it would {hedge}be {where}; {describe_trust(lighting)}"
         )
     model = f"{lighting.model_name} {lighting.model_version}"
-    size = _fit_text_size(accuracy, 20, WIDTH - 2 * _MARGIN - _GAP - text_width(model, 18))
+    size = _fit_text_size(accuracy, 20, PREVIEW_WIDTH - 2 * _MARGIN - _GAP - text_width(model, 18))
     draw_text(canvas, (_MARGIN, _MARGIN + 40), accuracy, TextStyle(size, MUTED))
-    draw_text(canvas, (WIDTH - _MARGIN, _MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
-    draw_text(canvas, (WIDTH - _MARGIN, _MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
+    draw_text(canvas, (PREVIEW_WIDTH - _MARGIN, _MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
+    draw_text(canvas, (PREVIEW_WIDTH - _MARGIN, _MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
     for number, line in enumerate(_warning_lines(lighting)):
         draw_text(canvas, (_MARGIN, _MARGIN + 70 + number * _WARNING_LINE), line, TextStyle(18, TEXT))
 
@@ -302,17 +302,17 @@ def _lay_out(aspect: float, count: int, warnings: int = 0) -> _Layout:
         count: of the numbers.
         warnings: lines of them.
     """
-    inner, top = WIDTH - 2 * _MARGIN, _MARGIN + _HEADER + warnings * _WARNING_LINE + _CAPTION
+    inner, top = PREVIEW_WIDTH - 2 * _MARGIN, _MARGIN + _HEADER + warnings * _WARNING_LINE + _CAPTION
     aspect = min(max(aspect, 0.5), 2.0)
     upright = aspect < 0.9
     upper = _UPRIGHT_HEIGHT if upright else int((inner - _GAP) / (1 + aspect))
     photo = _Box(_MARGIN, top, round(upper * aspect), upper)
-    compass = _Box(_MARGIN + photo.width + _GAP if upright else WIDTH - _MARGIN - upper, top, upper, upper)
+    compass = _Box(_MARGIN + photo.width + _GAP if upright else PREVIEW_WIDTH - _MARGIN - upper, top, upper, upper)
     below = top + upper + _GAP + _CAPTION
     lower = _UPRIGHT_MAP_HEIGHT if upright else photo.width // 2
     envmap = _Box(_MARGIN, below, 2 * lower, lower)
     left = _MARGIN + envmap.width + _GAP if upright else compass.x
-    spheres = _Box(left, below, WIDTH - _MARGIN - left, lower)
+    spheres = _Box(left, below, PREVIEW_WIDTH - _MARGIN - left, lower)
     foot = below + lower + _GAP
     if upright:
         column = compass.x + compass.width + _GAP + 8

@@ -173,7 +173,7 @@ def _kabsch(observed: Floats, expected: Floats) -> Floats:
     return np.asarray((u @ proper @ v).T)
 
 
-TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)  # tried, from very clear to hazy
+_TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)  # tried, from very clear to hazy
 SUN_CLEARANCE = 10.0  # deg around the sun left out
 MAX_LOG_ERROR = 0.5  # of |log(measured / model)|: from here on an error counts no more
 _OFFSET_STEP = 2.0  # deg, between the offsets tried
@@ -258,7 +258,7 @@ def _offset_errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
     directions = direction(sense * scan.azimuth + offsets[:, None], scan.elevation)
     is_clear = angle_between(directions, sun) > SUN_CLEARANCE
     squares = []
-    for turbidity in TURBIDITIES:
+    for turbidity in _TURBIDITIES:
         model = luminance(sky_radiance(directions, sun, turbidity, GROUND_ALBEDO))
         error = np.log(np.maximum(scan.luminance, 1e-12)) - np.log(np.maximum(model, 1e-12))
         error = np.where(is_clear, error, np.nan)

@@ -75,7 +75,7 @@ def _pixel_solid_angles(height: int) -> Floats:
 
 # The sun in a panorama, which may be clipped at white.
 
-WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
+_WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
 MIN_REGION = 2e-4  # sr, a cap of half a degree: no bright region is smaller
 MIN_PEAK = 0.94  # linear: the sun blows a picture out
 MAX_FLATNESS = 0.62  # blur of 24 deg / blur of 1.5 deg, at the peak: higher in a white sky than around a sun
@@ -134,7 +134,7 @@ def _peak_region(value: Floats, least: float) -> Mask | None:
 def _find_clipped(small: NDArray[np.float32], above: Mask) -> DetectedSun | None:
     white = small.min(axis=-1)
     excess = np.maximum(white - np.median(white, axis=1, keepdims=True), 0.0)
-    regions = _label_regions(above & (white >= WHITE * np.percentile(white[above], 99.8)))
+    regions = _label_regions(above & (white >= _WHITE * np.percentile(white[above], 99.8)))
     area = _pixel_solid_angles(len(small)).ravel()
     size = np.bincount(regions.ravel(), area)
     value = np.bincount(regions.ravel(), area * excess.ravel())[1:] * (size[1:] > MIN_REGION)
@@ -234,10 +234,10 @@ def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
     return _peak_region(value, MIN_SUN_CONTRAST * float(np.median(value[value > 0])))
 
 
-SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
+_SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
 MIN_SKY = 0.25  # sr, 4 % of the dome
 MIN_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
-SAMPLES = 1500  # directions of equal solid angle that enter the fit
+_SAMPLES = 1500  # directions of equal solid angle that enter the fit
 CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance, since cameras saturate a blue sky
 ERROR_SCALE = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ by 0.1
 GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is unknown, but not arbitrary
@@ -307,7 +307,7 @@ def _sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
     """Pixels (H, 2H) of clear sky: away from the sun, not blown out, bluish, smooth, part of a large patch high up."""
     height = len(linear)
     elevation = np.repeat(latlong_angles(height)[1][:, None], 2 * height, axis=1)
-    is_far = angle_between(latlong_directions(height), sun_direction) > SUN_CLEARANCE
+    is_far = angle_between(latlong_directions(height), sun_direction) > _SUN_CLEARANCE
     blue = linear[..., 2] > 1.05 * linear[..., 0]
     smooth = _roughness(np.log(np.maximum(luminance(linear), 1e-4))) < 0.06
     mask = (elevation > 3.0) & is_far & blue & smooth
@@ -330,7 +330,7 @@ def _sample_sky(linear: NDArray[np.float32], sun_direction: Floats) -> _Sky:
     order = np.cumsum(_pixel_solid_angles(len(linear))[mask])
     if not len(order):
         return _Sky(np.empty((0, 3)), np.empty((0, 3)), 0.0)
-    chosen = np.searchsorted(order, (np.arange(SAMPLES) + 0.5) / SAMPLES * order[-1])
+    chosen = np.searchsorted(order, (np.arange(_SAMPLES) + 0.5) / _SAMPLES * order[-1])
     directions, pixels = latlong_directions(len(linear))[mask][chosen], np.maximum(linear[mask][chosen], 1e-4)
     return _Sky(directions, pixels, float(order[-1]))
 
@@ -360,8 +360,8 @@ def _assess_fit(sky: _Sky, sun_direction: Floats, turbidity: float) -> SkyFit:
     return SkyFit(turbidity, float(exposure), residual, coverage, ok)
 
 
-MIN_ELEVATION = 10.0  # deg, below which hills, trees and haze hide the sky
-MIN_ROWS = 16  # of a map; in fewer the sun's glow leaves too little sky
+_MIN_ELEVATION = 10.0  # deg, below which hills, trees and haze hide the sky
+_MIN_ROWS = 16  # of a map; in fewer the sun's glow leaves too little sky
 MAX_CLEAR_ERROR = 0.35  # of |log(measured / model)| of the luminance, up to which a direction counts as clear
 
 
@@ -384,7 +384,7 @@ class SkyState:
     trusted: bool
     """Whether the fit may be."""
     cover: float
-    """Share of the sky above MIN_ELEVATION that the model of the clear sky does not explain, 0 to 1."""
+    """Share of the sky above _MIN_ELEVATION that the model of the clear sky does not explain, 0 to 1."""
 
     def to_dict(self) -> Json:
         """As JSON, with no more digits than the sky tells."""
@@ -427,9 +427,9 @@ def describe_sky(image: NDArray[np.float32], sun: tuple[float, float] | None = N
 
 def _check_sky(image: NDArray[np.float32]) -> None:
     """Raise ProbeError for a map (H, 2H, 3) that is too small, black or negative."""
-    if len(image) < MIN_ROWS:
+    if len(image) < _MIN_ROWS:
         rows = "1 row" if len(image) == 1 else f"{len(image)} rows"
-        raise ProbeError(f"The map has {rows}; a sky needs {MIN_ROWS} or more to be fitted.")
+        raise ProbeError(f"The map has {rows}; a sky needs {_MIN_ROWS} or more to be fitted.")
     light = luminance(image[: len(image) // 2])
     if (light > 0).sum() <= (light < 0).sum():  # a few values under 0 are the ringing of a filter
         raise ProbeError("The sky in the map is black or negative.")
@@ -447,8 +447,8 @@ def _cloud_cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
     """`SkyState.cover` of a map (H, 2H, 3) whose sun stands in a direction (3,), by the model fitted to it."""
     small = shrink_envmap(image, ANALYSIS_HEIGHT)
     directions = latlong_directions(len(small))
-    high = np.broadcast_to(latlong_angles(len(small))[1][:, None] > MIN_ELEVATION, small.shape[:2])
-    counted = high & (angle_between(directions, sun) > SUN_CLEARANCE)
+    high = np.broadcast_to(latlong_angles(len(small))[1][:, None] > _MIN_ELEVATION, small.shape[:2])
+    counted = high & (angle_between(directions, sun) > _SUN_CLEARANCE)
     model = luminance(sky_radiance(directions[counted], sun, fit.turbidity, GROUND_ALBEDO)) * fit.exposure
     error = np.abs(np.log(np.maximum(luminance(small[counted]), 1e-12) / np.maximum(model, 1e-12)))
     area = _pixel_solid_angles(len(small))[counted]

@@ -63,14 +63,14 @@ _FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenCV's axes (y down, z ahead) an
 _MAX_LOG_ZOOM = 50.0  # logarithm of a factor on a focal length, beyond any lens
 _FIRST = np.vstack([np.eye(3, 5), [0.0, 0.0, 0.0, 1.0, -1.0]])  # the first logarithm is the mean less half the ratio's
 
-MAX_SIDE = 1024  # pixels of the longer side in which features are sought
-MAX_FEATURES = 3000  # kept of a photo, the strongest
+MATCH_SIDE = 1024  # pixels of the longer side in which features are sought
+_MAX_FEATURES = 3000  # kept of a photo, the strongest
 EQUALIZATION_LIMIT = 3.0  # limit of the local equalisation before features are sought
 MIN_CONTRAST = 0.005  # contrast of a feature, in SIFT's unit
 MAX_DISTANCE_RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
 
-TOLERANCE = 3.0  # pixels within which a match obeys
-SAMPLES = 300  # pairs of matches tried for each focal length
+_TOLERANCE = 3.0  # pixels within which a match obeys
+_SAMPLES = 300  # pairs of matches tried for each focal length
 SCORED = 250  # matches, the surest, that each trial is scored on
 _STEP = 1e-6  # of each parameter, for the derivatives
 _MAX_STEPS = 25
@@ -141,7 +141,9 @@ def has_opencv() -> bool:
     return find_spec("cv2") is not None
 
 
-def detect_features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: int = MAX_FEATURES) -> Features:
+def detect_features(
+    pixels: NDArray[np.uint8], max_side: int = MATCH_SIDE, max_features: int = _MAX_FEATURES
+) -> Features:
     """The features of a photo.
 
     Args:
@@ -315,7 +317,7 @@ def _fit_rotation(matches: Matches, lens: _Lens) -> RelativeRotation | None:
     """The rotation of a camera that stayed where it was, or looks at far things only."""
     result = ransac_rotation(matches, lens.focal, lens.zooms())
     rotation, zoom = result.rotation, result.zoom
-    scale = TOLERANCE * matches.pixel
+    scale = _TOLERANCE * matches.pixel
     for _ in range(2):
         near = _distances(matches, rotation, zoom, lens.focal) < 2.0 * scale
         if np.count_nonzero(near) < _MIN_INLIERS:
@@ -382,7 +384,7 @@ def _refine_rotation(
         scaled = (factor * lens.focal[0], factor * lens.focal[1])
         return _transfer_errors(a, b, rotation_about(at[:3]) @ rotation, scaled).ravel()
 
-    scale = TOLERANCE * matches.pixel / 2.0
+    scale = _TOLERANCE * matches.pixel / 2.0
     prior = np.array([0.0, 0.0, 0.0, lens.prior()])
     expected = np.array([0.0, 0.0, 0.0, -np.log(zoom)])
     return _least_squares(residuals, np.zeros(4), scale, prior, expected)
@@ -543,7 +545,7 @@ def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean
         return _transfer_errors(matches.a, matches.b, *parts(at)).ravel()
 
     prior, expected = np.array([0.0, 0.0, 0.0, mean_prior, 0.0]), np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0])
-    scale = TOLERANCE * matches.pixel
+    scale = _TOLERANCE * matches.pixel
     fit = _least_squares(residuals, np.zeros(5), scale / 2.0, prior, expected)
     errors = np.linalg.norm(fit.residuals.reshape(2, -1, 2), axis=-1)
     return _ZoomedPair(*parts(fit.parameters), _FIRST @ fit.covariance @ _FIRST.T, np.min(errors, axis=0) < scale)
@@ -551,7 +553,7 @@ def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean
 
 def _zoom_cost(matches: Matches, result: _ZoomedPair) -> float:
     """How far matches are from obeying, those far off counting for ever less (Cauchy)."""
-    errors = _transfer_errors(matches.a, matches.b, result.rotation, result.focal) / (TOLERANCE * matches.pixel / 2.0)
+    errors = _transfer_errors(matches.a, matches.b, result.rotation, result.focal) / (_TOLERANCE * matches.pixel / 2.0)
     return float(np.sum(np.log1p(np.square(errors))))
 
 
@@ -656,16 +658,16 @@ def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequenc
         a, b = rays_through(matches.a[:SCORED], zoom * focal[0]), rays_through(matches.b[:SCORED], zoom * focal[1])
         pairs = _pairs(len(a), rng)  # two rays each, which a trial takes as nearly as can be from `a` to `b`
         trials = _frame(b[pairs]) @ np.swapaxes(_frame(a[pairs]), -1, -2)
-        scores = _scores(trials, a, b, TOLERANCE * matches.pixel / (zoom * max(focal)))
+        scores = _scores(trials, a, b, _TOLERANCE * matches.pixel / (zoom * max(focal)))
         if scores.max() > best:
             best, result = float(scores.max()), _RansacResult(trials[int(np.argmax(scores))], zoom)
     return result
 
 
 def _pairs(count: int, rng: "np.random.Generator") -> NDArray[np.intp]:
-    """Indices (SAMPLES, 2) of two different matches each."""
-    first = rng.integers(0, count, SAMPLES)
-    return np.stack([first, (first + rng.integers(1, count, SAMPLES)) % count], axis=1)
+    """Indices (_SAMPLES, 2) of two different matches each."""
+    first = rng.integers(0, count, _SAMPLES)
+    return np.stack([first, (first + rng.integers(1, count, _SAMPLES)) % count], axis=1)
 
 
 def _frame(two: Floats) -> Floats:

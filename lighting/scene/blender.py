@@ -21,7 +21,7 @@ from lighting.records import Json
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
 from lighting.scene.writer import Folder, read_data_text, write_shared_files
 
-SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
+_SCRIPT, _NUMBERS, BLEND_FILE = "scene.py", "scene.json", "scene.blend"
 SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
 
 _BLENDERS = (  # where Blender lies that is in no search path
@@ -33,28 +33,28 @@ _BLENDERS = (  # where Blender lies that is in no search path
     ),
 )
 _RUN = ("--background", "--factory-startup", "--python-exit-code", "1", "--python")  # a script
-SAMPLES = 128  # of Cycles, per pixel
+_SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
 def write_blender(scene: records.Scene, folder: Folder, *, blend: bool = False) -> None:
-    """Write SCRIPT, the NUMBERS that it reads and the shared files.
+    """Write _SCRIPT, the _NUMBERS that it reads and the shared files.
 
     Args:
         scene: made by `make_scene`.
         folder: where the files go.
-        blend: have Blender write FILE, too, into a folder on a disk.
+        blend: have Blender write BLEND_FILE, too, into a folder on a disk.
 
     Raises:
         SceneError: there is no Blender, or it fails.
     """
     write_shared_files(scene, folder)
-    (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
-    (folder / SCRIPT).write_text(read_data_text("blender_scene.py"), encoding="utf-8")
+    (folder / _NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
+    (folder / _SCRIPT).write_text(read_data_text("blender_scene.py"), encoding="utf-8")
     if not blend:
         return
     if not isinstance(folder, Path):
-        raise SceneError(f"{FILE} needs a folder on a disk.", "blend", ErrorCode.CONTRADICTION)
+        raise SceneError(f"{BLEND_FILE} needs a folder on a disk.", "blend", ErrorCode.CONTRADICTION)
     _save(folder)
 
 
@@ -95,12 +95,14 @@ def _save(folder: Path) -> None:
     """Run the script in a process of its own, since bpy has one open file per process."""
     blender = find_blender()
     if blender is None:
-        sentence = f"{FILE} needs Blender, from blender.org, or its module: pip install bpy."
+        sentence = f"{BLEND_FILE} needs Blender, from blender.org, or its module: pip install bpy."
         raise SceneError(sentence, "blend", ErrorCode.MISSING)
-    result = subprocess.run([*blender, SCRIPT, "--", "--save"], cwd=folder, capture_output=True, text=True, check=False)
-    if result.returncode or not (folder / FILE).is_file():
+    result = subprocess.run(
+        [*blender, _SCRIPT, "--", "--save"], cwd=folder, capture_output=True, text=True, check=False
+    )
+    if result.returncode or not (folder / BLEND_FILE).is_file():
         lines = result.stderr.strip().splitlines() or ["no reason given"]
-        raise SceneError(f"Blender could not build {FILE}: {lines[-1]}", code=ErrorCode.FAILED)
+        raise SceneError(f"Blender could not build {BLEND_FILE}: {lines[-1]}", code=ErrorCode.FAILED)
 
 
 def _description(scene: records.Scene) -> Json:
@@ -115,7 +117,7 @@ def _description(scene: records.Scene) -> Json:
         "lit_ground": LIT_GROUND,
         "shade": scene.shadow.tolist(),
         "spot_in_shade": scene.spot_in_shade,
-        "samples": SAMPLES,
+        "samples": _SAMPLES,
         "size": [scene.width, scene.height],
         "camera": {
             "matrix": matrix.tolist(),

@@ -14,14 +14,14 @@ from lighting.records import Json
 from lighting.scene.records import Scene
 from lighting.scene.writer import Folder, encode_plate, write_shared_files
 
-CAMERA, PROJECT = "camera.json", "scene.fspy"
+_CAMERA, _PROJECT = "camera.json", "scene.fspy"
 
 _VERSION = 1
 _MIN_DEPTH = 1e-6  # of a unit vector along the view: stands for that of vanishing points at infinity
 
 
 def write_fspy(scene: Scene, folder: Folder) -> None:
-    """Write CAMERA, PROJECT and the shared files.
+    """Write _CAMERA, _PROJECT and the shared files.
 
     Args:
         scene: made by `make_scene`.
@@ -29,12 +29,12 @@ def write_fspy(scene: Scene, folder: Folder) -> None:
     """
     write_shared_files(scene, folder)
     camera = _camera(scene)
-    (folder / CAMERA).write_text(json.dumps(camera, indent=2) + "\n", encoding="utf-8")
+    (folder / _CAMERA).write_text(json.dumps(camera, indent=2) + "\n", encoding="utf-8")
     settings = {"referenceDistanceUnit": "Meters", "referenceDistance": scene.lighting.camera_height}
     state = json.dumps({"cameraParameters": camera, "calibrationSettingsBase": settings}).encode()
     plate = encode_plate(scene)
     header = struct.pack("<4sIII", b"fspy", _VERSION, len(state), len(plate))
-    (folder / PROJECT).write_bytes(header + state + plate)
+    (folder / _PROJECT).write_bytes(header + state + plate)
 
 
 def _camera(scene: Scene) -> Json:

@@ -31,7 +31,7 @@ from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import Folder, encode_lit_ground, encode_plate
 
-FILE = "scene.glb"
+GLB_FILE = "scene.glb"
 
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _FLOAT, _UNSIGNED_SHORT = 5126, 5123  # component types
@@ -54,7 +54,7 @@ _MIN_AREA = 1e-4  # relative to the largest; smaller triangles are degenerate on
 
 
 def write_gltf(scene: Scene, folder: Folder) -> None:
-    """Write FILE, which holds everything.
+    """Write GLB_FILE, which holds everything.
 
     Args:
         scene: made by `make_scene`.
@@ -81,7 +81,7 @@ def write_gltf(scene: Scene, folder: Folder) -> None:
         "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMPED, "wrapT": _CLAMPED}],
         "images": images,
     }
-    (folder / FILE).write_bytes(binary.packed(document))
+    (folder / GLB_FILE).write_bytes(binary.packed(document))
 
 
 def _nodes(scene: Scene) -> list[Json]:

@@ -17,14 +17,14 @@ from lighting.geometry import Floats
 from lighting.scene import ENVIRONMENT, GROUND, LIT_GROUND, PLATE, records
 from lighting.scene.writer import Folder, fill_template, read_data_text, write_shared_files
 
-PROJECT, SCENE, CATCHER, BACKDROP = "project.godot", "scene.tscn", "ground.gdshader", "backdrop.gdshader"
+_PROJECT, _SCENE, CATCHER, BACKDROP = "project.godot", "scene.tscn", "ground.gdshader", "backdrop.gdshader"
 
 _WINDOW = 1280  # pixels, the longer side of the window; the picture has the plate's size
 _SHADOW_REACH = 2.5  # how far shadows are drawn / the distance from the camera to the spot
 
 
 def write_godot(scene: records.Scene, folder: Folder) -> None:
-    """Write PROJECT, SCENE, the shaders CATCHER and BACKDROP, the shared files and how Godot imports the pictures.
+    """Write _PROJECT, _SCENE, the shaders CATCHER and BACKDROP, the shared files and how Godot imports the pictures.
 
     Args:
         scene: made by `make_scene`.
@@ -34,10 +34,10 @@ def write_godot(scene: records.Scene, folder: Folder) -> None:
     for name in (PLATE, ENVIRONMENT, LIT_GROUND, GROUND):
         text = fill_template("godot_import.txt", {"name": name})
         (folder / f"{name}.import").write_text(text, encoding="utf-8")
-    (folder / SCENE).write_text(fill_template("godot_scene.tscn", _values(scene)), encoding="utf-8")
+    (folder / _SCENE).write_text(fill_template("godot_scene.tscn", _values(scene)), encoding="utf-8")
     for name in (CATCHER, BACKDROP):
         (folder / name).write_text(read_data_text(f"godot_{name}"), encoding="utf-8")
-    (folder / PROJECT).write_text(fill_template("godot_project.txt", _window(scene)), encoding="utf-8")
+    (folder / _PROJECT).write_text(fill_template("godot_project.txt", _window(scene)), encoding="utf-8")
 
 
 def _window(scene: records.Scene) -> dict[str, object]:

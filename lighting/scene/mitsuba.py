@@ -11,7 +11,7 @@ from lighting.scene import ENVIRONMENT
 from lighting.scene.records import GROUND_RADIUS, PLACEHOLDER_ALBEDO, SUN_ANGLE, Scene
 from lighting.scene.writer import Folder, fill_template, read_data_text, write_shared_files
 
-SCENE, CAMERA, LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
+_SCENE, _CAMERA, _LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
 
 SUN_DISTANCE = 10_000.0  # m; ten metres from the spot the sun's direction differs by 0.06 deg
 
@@ -19,7 +19,7 @@ _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 
 
 def write_mitsuba(scene: Scene, folder: Folder) -> None:
-    """Write SCENE, which includes CAMERA, LIGHT (with the ground) and OBJECT, then COMPOSITE and the shared files.
+    """Write _SCENE, which includes _CAMERA, _LIGHT (with the ground) and OBJECT, then COMPOSITE and the shared files.
 
     Args:
         scene: made by `make_scene`.
@@ -27,9 +27,9 @@ def write_mitsuba(scene: Scene, folder: Folder) -> None:
     """
     write_shared_files(scene, folder)
     for name, values in (
-        (SCENE, {}),
-        (CAMERA, _camera_values(scene)),
-        (LIGHT, _light_values(scene)),
+        (_SCENE, {}),
+        (_CAMERA, _camera_values(scene)),
+        (_LIGHT, _light_values(scene)),
         (OBJECT, _object_values(scene)),
     ):
         (folder / name).write_text(fill_template(f"mitsuba_{name}", values), encoding="utf-8")

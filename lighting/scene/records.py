@@ -35,7 +35,7 @@ SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determ
 GROUND_RADIUS = 500.0  # m; beyond it the map shows the same ground
 NEAR, FAR = 0.05, 2000.0  # m, the camera's clipping distances
 
-MAP_HEIGHT = 512  # rows of the environment map
+_MAP_HEIGHT = 512  # rows of the environment map
 BALL = 0.08  # radius of the placeholder's ball on the spot, in picture heights
 PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previews' gray ball
 PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
@@ -288,7 +288,7 @@ def make_scene(
     photo: Photo,
     lighting: Lighting,
     *,
-    map_height: int = MAP_HEIGHT,
+    map_height: int = _MAP_HEIGHT,
     sun: bool | None = None,
     context: PhotoContext | None = None,
     segments: Segments | None = None,

@@ -24,7 +24,7 @@ from lighting.records import Json, record_with_coefficients
 from lighting.scene import ENVIRONMENT, PLATE, RECORD, records
 from lighting.scene.writer import Folder, encode_plate, encode_projected_ground, read_data_text
 
-PACKAGE = "scene.unitypackage"
+_PACKAGE = "scene.unitypackage"
 ASSETS = "Assets/LightFromPhoto"
 
 _COLUMNS, _ROWS = 24, 96  # of the picture, in the ground's mesh; a cell at the horizon errs by 0.1 % of the height
@@ -32,7 +32,7 @@ _MAX_TEXTURE = 8192  # pixels; larger pictures are scaled down
 
 
 def write_unity(scene: records.Scene, folder: Folder) -> None:
-    """Write PACKAGE.
+    """Write _PACKAGE.
 
     Args:
         scene: made by `make_scene`.
@@ -58,7 +58,7 @@ def write_unity(scene: records.Scene, folder: Folder) -> None:
     }
     own = f"{ASSETS}/{scene.photo_name}"  # so that another photo's assets are others; the script is shared
     paths = {name: f"{ASSETS if name.startswith('Editor/') else own}/{name}" for name in members}
-    (folder / PACKAGE).write_bytes(_pack({paths[name]: member for name, member in members.items()}))
+    (folder / _PACKAGE).write_bytes(_pack({paths[name]: member for name, member in members.items()}))
 
 
 def _pack(members: dict[str, tuple[bytes, str]]) -> bytes:

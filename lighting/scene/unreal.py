@@ -20,8 +20,8 @@ from lighting.records import Json
 from lighting.scene import PLATE, records
 from lighting.scene.writer import Folder, encode_projected_ground, read_data_text, write_shared_files
 
-SCRIPT, NUMBERS, SKY = "unreal_scene.py", "unreal_scene.json", "environment.hdr"
-ALBEDO, EMISSION = "ground_albedo.png", "ground_emission.png"
+_SCRIPT, _NUMBERS, SKY = "unreal_scene.py", "unreal_scene.json", "environment.hdr"
+_ALBEDO, EMISSION = "ground_albedo.png", "ground_emission.png"
 
 _SKY_ANGLE = 270.0  # deg, turns the viewing direction to the map's centre
 _CENTIMETERS = 100.0  # per meter
@@ -29,7 +29,7 @@ _BACKDROP_DISTANCE = 1000.0  # m
 
 
 def write_unreal(scene: records.Scene, folder: Folder) -> None:
-    """Write SCRIPT, the NUMBERS that it reads, SKY, the pictures that the ground shows, and the shared files.
+    """Write _SCRIPT, the _NUMBERS that it reads, SKY, the pictures that the ground shows, and the shared files.
 
     Args:
         scene: made by `make_scene`.
@@ -38,10 +38,10 @@ def write_unreal(scene: records.Scene, folder: Folder) -> None:
     write_shared_files(scene, folder)
     (folder / SKY).write_bytes(encode_envmap(scene.environment, options=FileOptions("hdr")))
     albedo, emission = encode_projected_ground(scene)
-    (folder / ALBEDO).write_bytes(albedo)
+    (folder / _ALBEDO).write_bytes(albedo)
     (folder / EMISSION).write_bytes(emission)
-    (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
-    (folder / SCRIPT).write_text(read_data_text("unreal_scene.py"), encoding="utf-8")
+    (folder / _NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
+    (folder / _SCRIPT).write_text(read_data_text("unreal_scene.py"), encoding="utf-8")
 
 
 def _description(scene: records.Scene) -> Json:
@@ -53,7 +53,7 @@ def _description(scene: records.Scene) -> Json:
         "name": scene.photo_name,
         "plate": PLATE,
         "environment": SKY,
-        "albedo": ALBEDO,
+        "albedo": _ALBEDO,
         "emission": EMISSION,
         "sun": _sun(scene),
         "sky": {"angle": _SKY_ANGLE, "resolution": _power_of_two(len(scene.environment) // 2)},

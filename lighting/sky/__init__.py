@@ -68,9 +68,9 @@ def _prague_by_angles(zenith: "Floats", sun: "Floats", sun_elevation: float, tur
 
 
 def _preetham(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
-    from lighting.sky.perez import TURBIDITY, preetham_radiance
+    from lighting.sky.perez import TURBIDITIES, preetham_radiance
 
-    low, high = TURBIDITY
+    low, high = TURBIDITIES
     return preetham_radiance(direction, sun_direction, min(max(weather.turbidity, low), high))
 
 

@@ -209,7 +209,7 @@ def _groups_of_type(kind: int) -> tuple[str, int]:
     return _TYPES[kind - 1]
 
 
-TURBIDITY = (1.7, 10.0)  # the authors fitted 2 to 6; below 1.7 the luminance of a high sun's zenith turns negative
+TURBIDITIES = (1.7, 10.0)  # the authors fitted 2 to 6; below 1.7 the luminance of a high sun's zenith turns negative
 
 _BETA, _KAPPA = 20.0, 0.1  # of a clear sun: half of its light lies within about two degrees
 _GLOW_RANGES = {"beta": (1.0, 50.0), "kappa": (0.0, 1.0)}
@@ -261,7 +261,7 @@ def _preetham_luminance(direction: ArrayLike, sun_direction: ArrayLike, turbidit
 
 def _by_zenith(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> tuple[Floats, float, Floats]:
     """Sines (...) above the horizon, the sun's zenith angle [rad], luminance, x and y (3, ...) by the zenith's."""
-    low, high = TURBIDITY
+    low, high = TURBIDITIES
     if not low <= turbidity <= high:
         sentence = f"The turbidity is {turbidity:g}; the sky of Preetham covers {low:g} to {high:g}."
         raise ParameterError(sentence, "turbidity", ErrorCode.OUT_OF_RANGE)
@@ -297,7 +297,7 @@ def lalonde_matthews_sky(direction: ArrayLike, sun_direction: ArrayLike, turbidi
         sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
         turbidity: values outside 1.7 to 10 count as these ends.
     """
-    return _preetham_luminance(direction, sun_direction, float(np.clip(turbidity, *TURBIDITY)))
+    return _preetham_luminance(direction, sun_direction, float(np.clip(turbidity, *TURBIDITIES)))
 
 
 def lalonde_matthews_sun(

@@ -345,7 +345,7 @@ def _light_varies(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> bool:
 MASK_FILE = "mask.png"
 MIN_PHOTOS = 3  # photos, for a normal and an albedo
 MAX_SIZE = 1024  # pixels of the longer side, to which photos are reduced
-MIN_SIDE = 2  # pixels, that a slope is between
+_MIN_SIDE = 2  # pixels, that a slope is between
 
 _MAX_CLIPPED = 0.1  # share of the thing that may be clipped in some photo
 
@@ -438,13 +438,13 @@ def _list_photos(folder: Path) -> list[Path]:
 def _reduce_photo(photo: _DayPhoto, size: int | None) -> _DayPhoto:
     """The photo with each side divided by a whole number, by means of blocks, which keep values linear.
 
-    Raises PhotoError where less than MIN_SIDE is left of a side.
+    Raises PhotoError where less than _MIN_SIDE is left of a side.
     """
     height, width = photo.shape
     factor = 1 if not size else -(-max(height, width) // size)
     rows, columns = height // factor, width // factor
-    if min(rows, columns) < MIN_SIDE:
-        sentence = f"{photo.name} is reduced to {columns} x {rows} pixels; normals need {MIN_SIDE} or more each way."
+    if min(rows, columns) < _MIN_SIDE:
+        sentence = f"{photo.name} is reduced to {columns} x {rows} pixels; normals need {_MIN_SIDE} or more each way."
         raise PhotoError(sentence)
     if factor == 1:
         return photo

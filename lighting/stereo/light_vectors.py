@@ -33,7 +33,7 @@ Weather = Literal["clear", "overcast", "mixed"]
 _CHUNK_WEIGHTS = 1 << 22  # weights of pixels held at once
 
 SKY_HEIGHT = 64  # rows of a modelled map
-TURBIDITY = 3.0  # of a clear day in the country
+CLEAR_TURBIDITY = 3.0  # of a clear day in the country
 OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
 BROKEN_COVER = 0.5  # share of the sky under broken cloud
 _DISC_POINTS = (8, 24)  # rings and spokes of points that the disc's irradiance is summed over, good to 1e-3
@@ -191,7 +191,7 @@ def sun_directions(times: ArrayLike, latitude: float, longitude: float) -> Float
 
 
 def clear_skies(
-    suns: ArrayLike, turbidity: float = TURBIDITY, ground_albedo: float = GROUND_ALBEDO, height: int = SKY_HEIGHT
+    suns: ArrayLike, turbidity: float = CLEAR_TURBIDITY, ground_albedo: float = GROUND_ALBEDO, height: int = SKY_HEIGHT
 ) -> Skies:
     """Model Hosek-Wilkie skies of three channels over ground that they light.
 

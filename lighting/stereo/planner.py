@@ -259,7 +259,7 @@ def plan_conditions(skies: PlanSkies, question: PlanRequest) -> str:
 _SKY_TEXT = {"clear": "clear sky", "overcast": "overcast", "mixed": "broken cloud"}
 
 
-WIDTH, HEIGHT = 1600, 900
+_WIDTH, _HEIGHT = 1600, 900
 MAX_USEFUL_ERROR = 45.0  # deg, a larger error says nothing of the normal
 MIN_GAIN, MAX_GAIN = 1.0, 300.0  # the ends of the scale of colours
 
@@ -280,7 +280,7 @@ def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
         title: its headline.
         subtitle: for whom and when it holds.
     """
-    canvas = Image.new("RGB", (WIDTH, HEIGHT), BACKGROUND)
+    canvas = Image.new("RGB", (_WIDTH, _HEIGHT), BACKGROUND)
     draw_text(canvas, (40, 34), title, TextStyle(30, TEXT))
     draw_text(canvas, (40, 76), subtitle, TextStyle(18, MUTED))
     _draw_windows(canvas, plan)
@@ -377,7 +377,7 @@ def _draw_orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None
     rows = [("median", [window.error for window in windows])]
     names = [orientation.name for orientation in windows[0].orientations]
     rows += [(name, [window.orientations[i].error for window in windows]) for i, name in enumerate(names)]
-    draw_lines(canvas, [np.array([[_RIGHT, _ROWS + 30], [WIDTH - 40, _ROWS + 30]])], LINE, 1.0)
+    draw_lines(canvas, [np.array([[_RIGHT, _ROWS + 30], [_WIDTH - 40, _ROWS + 30]])], LINE, 1.0)
     for number, (name, errors) in enumerate(rows):
         y = _ROWS + 52 + number * _ROW
         draw_text(canvas, (_RIGHT, y), name, TextStyle(18, TEXT if number == 0 else MUTED, anchor="lm"))

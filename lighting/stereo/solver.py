@@ -720,7 +720,7 @@ def apply_network(normals: NormalMap, network: Network, features: NormalFeatures
     return replace(normals, normal=normal, error=error, network=better)
 
 
-TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear to hazy
+_TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear to hazy
 
 
 def fit_turbidity(session_at: Callable[[float], Session]) -> float:
@@ -729,10 +729,10 @@ def fit_turbidity(session_at: Callable[[float], Session]) -> float:
     Args:
         session_at: makes the session of a turbidity, 1 to 10.
     """
-    residual = np.array([_session_noise(session) for session in map(session_at, TURBIDITIES)])
+    residual = np.array([_session_noise(session) for session in map(session_at, _TURBIDITIES)])
     best = int(np.clip(residual.argmin(), 1, len(residual) - 2))
     nearby = slice(best - 1, best + 2)
-    curve = np.polyfit(TURBIDITIES[nearby], residual[nearby] ** 2, 2)
+    curve = np.polyfit(_TURBIDITIES[nearby], residual[nearby] ** 2, 2)
     if curve[0] <= 0:
-        return TURBIDITIES[int(residual.argmin())]
-    return float(np.clip(-curve[1] / (2 * curve[0]), TURBIDITIES[best - 1], TURBIDITIES[best + 1]))
+        return _TURBIDITIES[int(residual.argmin())]
+    return float(np.clip(-curve[1] / (2 * curve[0]), _TURBIDITIES[best - 1], _TURBIDITIES[best + 1]))

@@ -19,7 +19,7 @@ from lighting.registration.rotations import cross_matrix, focal_from_fov, rays_t
 from lighting.registration.two_view import Matches, RelativeRotation, estimate_rotation
 from lighting.video.tracking import (
     GAP_KEYFRAMES,
-    TOLERANCE,
+    TRACKING_TOLERANCE,
     ClipMetadata,
     FrameEstimate,
     Keyframe,
@@ -32,7 +32,7 @@ MAX_PAIRS = 10  # of keyframes, from which the lens is learnt
 MIN_PAIRS = 4  # fewer keyframes tell too little of the lens
 MIN_MEDIAN_MOTION = 0.1  # half diagonals that points move, below which a rotation says nothing of the lens
 NETWORK_FOV_STD = 5.0  # deg, one standard deviation of the network's field of view
-METADATA_FOV_STD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
+_METADATA_FOV_STD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
 MIN_ROTATION_SHARE = 0.5  # share of matches that agree with a rotation, below which it tells nothing of the lens
 MAX_FOV_STDS = 3.0  # of the network's field of view, within which a walk is believed
 MIN_FOV_STD = 0.4  # deg, below which a pair's own error is not believed
@@ -82,7 +82,7 @@ def prior_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, flo
         clip: what is known of the clip.
     """
     if clip.user_input.metadata and (metadata_fov := clip.metadata.vertical_fov):
-        return metadata_fov, METADATA_FOV_STD
+        return metadata_fov, _METADATA_FOV_STD
     logs = [math.log(estimate.prediction.vertical_fov) for estimate in tracked.estimates.values()]
     return math.exp(float(np.mean(logs))), NETWORK_FOV_STD
 
@@ -305,7 +305,7 @@ def _fit_rotation_and_zoom(
     Gauss-Newton on both together under Geman and McClure's weights; None where less than a share `least` of the points
     obeys.
     """
-    a, reach = rays_through(matches.a, focal), TOLERANCE * matches.pixel
+    a, reach = rays_through(matches.a, focal), TRACKING_TOLERANCE * matches.pixel
     fitted, factor = rotation, zoom
     for wider in np.geomspace(8.0, 1.0, _REWEIGHTINGS):
         rotated = a @ fitted.T

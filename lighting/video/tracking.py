@@ -46,10 +46,10 @@ MAX_POINTS = 200  # sought in a keyframe
 MIN_POINTS = 24  # followed, below which a frame counts as lost
 MIN_KEPT_SHARE = 0.4  # share of a keyframe's points, below which the next keyframe is due
 MAX_KEYFRAME_MOTION = 0.35  # half diagonals that points move in the median before the next keyframe is due
-MAX_FEATURES = 800  # of a keyframe, to be found again by
+_MAX_FEATURES = 800  # of a keyframe, to be found again by
 FEATURE_SIDE = 400  # pixels of the longer side in which those are sought
 
-TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
+TRACKING_TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
 BLUR_TOLERANCES = 6.0  # tolerances that points may be off where a picture is blurred
 MAX_PARALLAX_SHARE = 0.7  # share of points that agree so far with a rotation, below which the camera may have moved
 MIN_TIGHT_SHARE = 0.6  # share of these within half the tolerance, from which other things move, not the camera
@@ -92,7 +92,7 @@ class Keyframe:
     @cached_property
     def features(self) -> Features:
         """SIFT features by which it is recognised; detected at the first use, which takes a tenth of a second."""
-        features = detect_features(self.picture, FEATURE_SIDE, MAX_FEATURES)
+        features = detect_features(self.picture, FEATURE_SIDE, _MAX_FEATURES)
         width, height = (round(self.zoom * side) for side in (features.width, features.height))
         return Features(features.points / self.zoom, features.descriptors, width, height)
 
@@ -258,7 +258,7 @@ class FrameRotation:
     rotation: Floats
     """(3, 3) directions in the keyframe's camera to the frame's."""
     share: float
-    """Of the points that agree within twice TOLERANCE."""
+    """Of the points that agree within twice TRACKING_TOLERANCE."""
     agreeing: int
     """How many those are."""
 
@@ -274,7 +274,7 @@ def estimate_frame_rotation(matches: Matches, focal: float, guess: Floats) -> Fr
         guess: (3, 3) rotation to begin with.
     """
     a, b = rays_through(matches.a, focal), rays_through(matches.b, focal)
-    reach = TOLERANCE * matches.pixel / focal
+    reach = TRACKING_TOLERANCE * matches.pixel / focal
     best = _refine_rotation(a, b, guess, reach)
     if _is_parallax(a, b, best.rotation, reach) and (walk := _walking_rotation(matches, focal, best.agreeing)):
         return walk

@@ -32,7 +32,7 @@ from lighting.geometry import camera_axes
 from lighting.ground import draw_ground_mask
 from lighting.photo.reader import TARGET, read_photo
 from lighting.records import Lighting, record_with_coefficients
-from lighting.registration.two_view import MAX_SIDE, has_opencv
+from lighting.registration.two_view import MATCH_SIDE, has_opencv
 from lighting.scene import EXPORTERS
 from server.app import create_app
 from server.pages import BUNDLE
@@ -632,7 +632,7 @@ class TestDownloads:
 def estimated_together(files: list[Path]) -> NDArray[np.float32]:
     """The map of the last of several photos, by the library: their light and camera, the place as it alone has it."""
     match, estimator = has_opencv(), Estimator()
-    photos = [read_photo(file, target=MAX_SIDE if match else TARGET) for file in files]
+    photos = [read_photo(file, target=MATCH_SIDE if match else TARGET) for file in files]
     light, photo = estimator.estimate_views(photos, register=match)[-1].lighting, read_photo(files[-1])
     alone = estimator(photo).edit({}, photo_exposure=light.exposure)
     return alone.replace(lighting=light).envmap(512, sun=light.sun_shines)

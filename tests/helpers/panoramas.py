@@ -10,7 +10,7 @@ from export.crops.crops import Camera, Crop, Source
 from export.data.labels import Label
 from export.data.panoramas import Panorama
 from export.data.procedural_towns import Mesh, _box
-from export.data.rendered_towns import HEIGHT, _Sky
+from export.data.rendered_towns import TOWN_HEIGHT, _Sky
 from export.evaluation.diagnostics import _Failure
 from export.evaluation.metrics import Answers, Truth, answers_from_sun
 from export.networks.outdoor import network_specs
@@ -167,8 +167,8 @@ NOTHING = _box(np.array([900.0, 900.0]), np.ones(3), 0, np.array(ALBEDO))
 
 def clear(elevation: float = 40.0, sunlight: float = 1.0) -> _Sky:
     lighting = Lighting(sun_azimuth=60.0, sun_elevation=elevation, turbidity=3.0, exposure=0.02)
-    radiance = render(lighting, HEIGHT, sun=False)
-    radiance[HEIGHT // 2 :] = 0.0
+    radiance = render(lighting, TOWN_HEIGHT, sun=False)
+    radiance[TOWN_HEIGHT // 2 :] = 0.0
     return _Sky(radiance, lighting, sunlight)
 
 

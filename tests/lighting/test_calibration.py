@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lighting.calibration import (
     _MAX_LEAN,
-    MAX_SIDE,
+    LINES_SIDE,
     _edges_of,
     _level_in_camera,
     _Lines,
@@ -48,7 +48,7 @@ def test_a_wrong_camera_is_put_where_verticals_are_upright(
     assert known.vertical_fov == pytest.approx(50.0, abs=6.0)
 
 
-@pytest.mark.parametrize(("size", "fov"), [((300, 400), 65.0), ((2 * MAX_SIDE, MAX_SIDE), 50.0), ((90, 60), 50.0)])
+@pytest.mark.parametrize(("size", "fov"), [((300, 400), 65.0), ((2 * LINES_SIDE, LINES_SIDE), 50.0), ((90, 60), 50.0)])
 def test_portraits_large_and_small_pictures_are_read_alike(size: tuple[int, int], fov: float) -> None:
     known = calibrate_from_lines(camera_prediction(6.0, 0.0, fov), poles(2.0, 0.0, fov, size))
     assert known.camera_elevation == pytest.approx(2.0, abs=1.0)

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from starlette.requests import Request
 
 from export.evaluation.metrics_file import collect_metrics, read_metrics, write_metrics
-from export.evaluation.report import CAMERA_AND_SKY, SUN, Figures
+from export.evaluation.report import CAMERA_AND_SKY, SUN_COLUMNS, Figures
 from lighting.light_probe import compute_light_probe
 from lighting.model import METRICS, Model, packaged_model
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
@@ -146,7 +146,7 @@ def test_a_clients_copyis_fresh_if_it_has_the_tag(copy: str, fresh: bool) -> Non
 
 
 def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path, network: Path) -> None:
-    measured: Figures = {name: float(i) for i, name in enumerate([*SUN.values(), *CAMERA_AND_SKY.values()])}
+    measured: Figures = {name: float(i) for i, name in enumerate([*SUN_COLUMNS.values(), *CAMERA_AND_SKY.values()])}
     (tmp_path / "panoramas.csv").write_text("name,file,kind,place,split\n", encoding="utf-8")
     figures: dict[str, Figures] = {"phone": measured, "paper": {**measured, "sun_median": None}}
     write_metrics(collect_metrics(network, tmp_path, "", figures, "tiny"), tmp_path)
@@ -162,7 +162,7 @@ def test_the_packaged_network_s_figures_are_those_of_its_tables() -> None:
     assert set(stated) == {"paper", "phone"}
     for protocol, numbers in stated.items():
         assert set(numbers) == set(ModelCard.Accuracy.model_fields)
-        for column, name in SUN.items():
+        for column, name in SUN_COLUMNS.items():
             assert metrics.figure(f"Protocol `{protocol}`", "Sun [", metrics.row, column) == numbers[name]
 
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from export.crops.photos import (
-    COLUMNS,
+    PHOTO_COLUMNS,
     PHOTOS,
     PhotoSource,
     _fit_scale,
@@ -25,7 +25,7 @@ from export.crops.photos import (
 from export.data.panoramas import DataError
 from export.training.suitability_head import (
     SYNTHETIC_KINDS,
-    TABLE,
+    UNSUITABLE_TABLE,
     _read_unsuitable,
     _synthesize,
     _Unsuitable,
@@ -127,7 +127,7 @@ def test_the_scale_is_fitted_to_the_scenes_of_a_folder(data: Path, tmp_path: Pat
     shutil.copy(data / "panoramas.csv", tmp_path)
     (tmp_path / "a.jpg").touch()  # no picture is read
     rows = [f"a.jpg,{group},0,{elevation},yes,60,5" for group, elevation in (("a", 5), ("a", 7), ("b", 9))]
-    (tmp_path / "photos_train.csv").write_text("\n".join([",".join(COLUMNS), *rows]))
+    (tmp_path / "photos_train.csv").write_text("\n".join([",".join(PHOTO_COLUMNS), *rows]))
     assert fit_elevation_prior(tmp_path, data / "labels.csv").startswith("2 scenes: exp(-elevation / ")
 
 
@@ -141,7 +141,7 @@ CROP = np.tile(np.linspace(20, 220, 224).astype(np.uint8)[None, :, None], (168, 
 
 def test_listed_pictures_are_read_and_varied(tmp_path: Path) -> None:
     Image.new("RGB", (80, 60), (10, 90, 200)).save(tmp_path / "a.png")
-    (tmp_path / TABLE).write_text("file,kind,source\na.png,indoor,somebody/photos:a.png\n", encoding="utf-8")
+    (tmp_path / UNSUITABLE_TABLE).write_text("file,kind,source\na.png,indoor,somebody/photos:a.png\n", encoding="utf-8")
     (picture,) = _read_unsuitable(tmp_path)
     assert (picture.kind, picture.group) == ("indoor", "somebody/photos")
     variant = _vary(picture.pixels, np.random.default_rng(0), EXAMPLES_SPEC)
@@ -177,7 +177,7 @@ def test_every_kind_gets_its_turn() -> None:
 
 
 def table(folder: Path, *rows: str) -> None:
-    (folder / PHOTOS).write_text("\n".join([",".join(COLUMNS), *rows]) + "\n", encoding="utf-8")
+    (folder / PHOTOS).write_text("\n".join([",".join(PHOTO_COLUMNS), *rows]) + "\n", encoding="utf-8")
     (folder / "a.jpg").write_bytes(b"")
 
 
@@ -215,7 +215,7 @@ def test_photos_that_are_needed_are_there_and_permissive_where_that_is_asked(tmp
     assert len(require_photo_rows(tmp_path)) == 1
     with pytest.raises(DataError, match="no photo with a permissive licence"):
         require_photo_rows(tmp_path, licensed_only=True)
-    lines = [",".join([*COLUMNS, "licence"])]
+    lines = [",".join([*PHOTO_COLUMNS, "licence"])]
     lines += [f"a.jpg,{licence},1,2,yes,50,15,{licence}" for licence in ("none stated", "GPL", "CC-BY 4.0", "")]
     (tmp_path / PHOTOS).write_text("\n".join(lines), encoding="utf-8")
     assert [row.group for row in require_photo_rows(tmp_path, licensed_only=True)] == ["CC-BY 4.0"]

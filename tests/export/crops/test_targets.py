@@ -11,7 +11,7 @@ from export.crops.targets import (
     _COVERED_SUN,
     CELLS,
     COLUMNS,
-    MAX_RADIANCE,
+    MAX_CELL,
     MIN_RADIANCE,
     ROWS,
     clear_sun_to_sky_ratio,
@@ -117,7 +117,7 @@ def test_a_sun_counts_as_a_few_whites_at_most() -> None:
     source = lit_at(0.0)
     source.levels[0][40:44, 180:184] = 1e4
     cells = surroundings_in_camera(coarse_radiance(source), Camera(0.0, 0.0, 0.0, 50.0, 1.0), ONE)
-    assert np.exp(cells.max()) <= MAX_RADIANCE + MIN_RADIANCE + 1e-4
+    assert np.exp(cells.max()) <= MAX_CELL + MIN_RADIANCE + 1e-4
 
 
 def test_ldr_and_hdr_panoramas_show_the_same_light() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.data.panoramas import (
-    PATCH,
+    LABELS_PATCH,
     DataError,
     Panorama,
     _read_patch,
@@ -155,7 +155,7 @@ def patch_with(monkeypatch: pytest.MonkeyPatch, folder: Path, *lines: str, heade
     """Corrections that stand in for those of the project."""
     path = folder / "labels_patch.csv"
     path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
-    monkeypatch.setattr("export.data.panoramas.PATCH", path)
+    monkeypatch.setattr("export.data.panoramas.LABELS_PATCH", path)
 
 
 VISIBLE_ROW = {**ROW, "sun": "visible", "sun_azimuth": "10", "sun_elevation": "40"}
@@ -163,8 +163,8 @@ VISIBLE_ROW |= {"sun_uncertainty": "3", "direct": "yes"}
 
 
 def test_the_projects_own_patch_can_be_read() -> None:
-    assert PATCH.read_text(encoding="utf-8").splitlines()[0] == PATCH_HEADER
-    _read_patch(PATCH)
+    assert LABELS_PATCH.read_text(encoding="utf-8").splitlines()[0] == PATCH_HEADER
+    _read_patch(LABELS_PATCH)
 
 
 def test_a_patch_changes_the_fields_that_it_fills_and_ignores_unknown_names(

@@ -12,7 +12,7 @@ from export.data import rendered_towns
 from export.data.labels import read_labels, write_labels
 from export.data.panoramas import DataError, read_index
 from export.data.procedural_towns import EYE, _box, _join
-from export.data.rendered_towns import HEIGHT, VARIABLE, RenderedTown, _despeckle, _Sky, find_llvm, random_sky
+from export.data.rendered_towns import TOWN_HEIGHT, VARIABLE, RenderedTown, _despeckle, _Sky, find_llvm, random_sky
 from export.networks.outdoor import network_specs
 from lighting.geometry import angle_between, direction, latlong_directions
 from lighting.probe.sky_fit import find_sun
@@ -53,7 +53,7 @@ def test_an_llvm_that_ends_the_process_is_not_taken(tmp_path: Path, monkeypatch:
 def test_the_sky_is_seen_where_it_is() -> None:
     sky, height = clear(), 64
     traced = RenderedTown(plain(4.0), NOTHING, sky).panorama(height, 0)
-    upper = sky.radiance[: HEIGHT // 2].reshape(height // 2, 4, 2 * height, 4, 3).mean(axis=(1, 3))
+    upper = sky.radiance[: TOWN_HEIGHT // 2].reshape(height // 2, 4, 2 * height, 4, 3).mean(axis=(1, 3))
     near = angle_between(latlong_directions(height)[: height // 2], sky.lighting.sun_direction) < 12
     ratio = (traced[: height // 2] / upper)[~near]
     assert np.percentile(np.abs(ratio - 1), 90) < 0.03
@@ -64,7 +64,7 @@ def test_the_sky_is_seen_where_it_is() -> None:
 @pytest.mark.needs("mitsuba", "llvm")
 def test_level_ground_shines_by_lambert_s_law() -> None:
     """Under an even sky L: albedo x L. Under the sun alone: albedo / pi x E x sin(elevation)."""
-    even = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0).repeat(3, axis=2).astype(np.float32)
+    even = np.where(latlong_directions(TOWN_HEIGHT)[..., 1:2] > 0, 1.0, 0.0).repeat(3, axis=2).astype(np.float32)
     overcast = _Sky(even, clear().lighting, 0.0)
     below = RenderedTown(plain(), NOTHING, overcast).panorama(32, 1)[22:28]
     np.testing.assert_allclose(below.mean(axis=(0, 1)), ALBEDO, rtol=0.02)
@@ -111,11 +111,11 @@ def test_skies_are_of_every_kind_and_black_below() -> None:
     assert (sunlight == 1).any()
     assert ((sunlight > 0.03) & (sunlight < 1)).any()
     for sky in skies:
-        assert sky.radiance.shape == (HEIGHT, 2 * HEIGHT, 3)
+        assert sky.radiance.shape == (TOWN_HEIGHT, 2 * TOWN_HEIGHT, 3)
         assert np.isfinite(sky.radiance).all()
         assert (sky.radiance >= 0).all()
-        assert (sky.radiance[HEIGHT // 2 :] == 0).all()
-        assert sky.radiance[: HEIGHT // 2].min() > 0
+        assert (sky.radiance[TOWN_HEIGHT // 2 :] == 0).all()
+        assert sky.radiance[: TOWN_HEIGHT // 2].min() > 0
         assert sky.is_overcast == (sky.sunlight < 0.03)
         assert 2 <= sky.lighting.sun_elevation <= 80
 

@@ -11,7 +11,7 @@ from export.crops.targets import clear_sun_to_sky_ratio
 from export.data.panoramas import DataError
 from export.evaluation import fit_constants as module
 from export.evaluation.fit_constants import (
-    FITS,
+    FIT_REPORTS,
     SUN_POWERS,
     _clustered_error,
     _fit_ground_share,
@@ -219,4 +219,4 @@ def test_the_report_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, lit_ne
 
 
 def test_the_command_knows_every_fit() -> None:
-    assert tuple(FITS) == NAMES
+    assert tuple(FIT_REPORTS) == NAMES

@@ -12,7 +12,7 @@ from export.data.panoramas import DataError
 from export.networks.outdoor import build_network, load_weights, network_specs
 from export.networks.weights import (
     CHECKPOINT,
-    RECORD,
+    RUN_RECORD,
     average_weights,
     averaged_weights,
     describe_data,
@@ -74,7 +74,7 @@ def record(crops: int, **more: Any) -> dict[str, Any]:
 
 def write(folder: Path, content: dict[str, Any]) -> Path:
     folder.mkdir()
-    (folder / RECORD).write_text(json.dumps(content))
+    (folder / RUN_RECORD).write_text(json.dumps(content))
     return folder
 
 
@@ -130,6 +130,6 @@ def test_a_folder_without_a_record_is_refused(tmp_path: Path) -> None:
         read_record(tmp_path)
     assert str(refused.value).count(str(tmp_path)) == 1
     for other in ("[1]", '{"minutes": 70}'):  # the second as of a run of `stereo train`
-        (tmp_path / RECORD).write_text(other)
+        (tmp_path / RUN_RECORD).write_text(other)
         with pytest.raises(DataError, match=r"config\.json is of another kind\.$"):
             read_spec(tmp_path)

@@ -7,7 +7,7 @@ import pytest
 
 from export.data.panoramas import Panorama, read_index, write_index
 from export.reports.photo_sets import (
-    HEADINGS,
+    COMPARED,
     PHOTO_FOVS,
     PHOTO_OVERLAPS,
     _fuse_sets,
@@ -82,7 +82,7 @@ def test_a_set_with_matched_headings_has_the_sun_of_true_ones(panoramas: list[Pa
     assert row["connected [%]"] == 100.0
     assert row["95 %"] < 1.0
     assert row["field of view, 50 %"] < 0.5
-    rows = [_sun_figures([photo_set], headings) for headings in HEADINGS]
+    rows = [_sun_figures([photo_set], headings) for headings in COMPARED]
     assert all(0.0 <= row["in 50 % region [%]"] <= row["in 90 % region [%]"] <= 100.0 for row in rows)
     assert rows[1]["sun, 50 %"] == pytest.approx(rows[2]["sun, 50 %"], abs=2.0)
 

@@ -11,8 +11,8 @@ from export.data.panoramas import DataError
 from export.stereo.renders import CaptureDay, utc_times
 from export.stereo.train import (
     CROP,
+    EXPORT_TOLERANCE,
     HELD_OUT_LATITUDES,
-    TOLERANCE,
     Config,
     _averaged_network,
     _batch,
@@ -79,7 +79,7 @@ def test_a_folder_without_meshes_to_learn_from_is_refused(tmp_path: Path) -> Non
 
 
 def test_a_file_of_another_network_differs() -> None:
-    assert _parity(_NormalsNetwork().eval(), _packaged_network()) > 10 * TOLERANCE
+    assert _parity(_NormalsNetwork().eval(), _packaged_network()) > 10 * EXPORT_TOLERANCE
 
 
 def test_what_is_served_has_every_image() -> None:

@@ -9,7 +9,7 @@ import torch
 from PIL import Image
 
 from export.crops.crops import load_sources
-from export.crops.photos import COLUMNS, PHOTOS
+from export.crops.photos import PHOTO_COLUMNS, PHOTOS
 from export.data import rendered_towns
 from export.data.panoramas import DataError, Panorama, read_index
 from export.training import dataset
@@ -75,7 +75,7 @@ def test_places_are_held_out_whole_and_by_name() -> None:
 def test_a_run_on_permissive_data_alone_learns_from_no_other_photo(tmp_path: Path) -> None:
     Image.new("RGB", (40, 32)).save(tmp_path / "a.png")
     rows = [f"a.png,{licence},1,2,yes,50,15,{licence}" for licence in ("none stated", "GPL", "CC0")]
-    (tmp_path / PHOTOS).write_text("\n".join([",".join([*COLUMNS, "licence"]), *rows]), encoding="utf-8")
+    (tmp_path / PHOTOS).write_text("\n".join([",".join([*PHOTO_COLUMNS, "licence"]), *rows]), encoding="utf-8")
     config = TrainConfig(str(tmp_path), "labels.csv", "out", photos_share=0.5)
     assert len(training_photos(config)) == 3
     assert [p.row.licence for p in training_photos(replace(config, licensed_only=True))] == ["CC0"]

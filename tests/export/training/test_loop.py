@@ -27,7 +27,7 @@ from export.networks.outdoor import (
 )
 from export.networks.weights import (
     CHECKPOINT,
-    RECORD,
+    RUN_RECORD,
     average_weights,
     averaged_weights,
     read_network,
@@ -66,17 +66,17 @@ def test_a_run_is_resumed_with_its_own_settings_alone(
 ) -> None:
     short = replace(config, out=str(tmp_path), crops=8, batch=4)
     train_network(short)
-    record = json.loads((tmp_path / RECORD).read_text())
+    record = json.loads((tmp_path / RUN_RECORD).read_text())
     with pytest.raises(DataError, match=r"holds a run with another crops and licensed_only; choose another --out"):
         train_network(replace(short, crops=4, licensed_only=True))
     train_network(replace(short, workers=0, checkpoint_minutes=9.0))
-    again = json.loads((tmp_path / RECORD).read_text())
+    again = json.loads((tmp_path / RUN_RECORD).read_text())
     assert again["commit"] == record["commit"]
     assert again["config"] == {**record["config"], "workers": 0, "checkpoint_minutes": 9.0}
     monkeypatch.setitem(train_network.__globals__, "commit", lambda: "one that trained nothing")
     moved = shutil.copytree(tmp_path, tmp_path / "moved")
     train_network(replace(short, out=str(moved)))
-    assert json.loads((moved / RECORD).read_text())["commit"] == record["commit"]
+    assert json.loads((moved / RUN_RECORD).read_text())["commit"] == record["commit"]
 
 
 def test_networks_that_are_no_runs_are_to_be_started_from(
@@ -87,10 +87,10 @@ def test_networks_that_are_no_runs_are_to_be_started_from(
     network, metadata = _read_onnx_network(trained_network, 0)
     write_run(read, _make_record(metadata, trained_network, 0), network.state_dict())
     for folder, made in ((mean, "is the mean of several runs"), (read, "was read back from a file")):
-        before = (folder / RECORD).read_bytes()
+        before = (folder / RUN_RECORD).read_bytes()
         with pytest.raises(DataError, match=f"{made}; give it as --start and choose another --out"):
             train_network(replace(config, out=str(folder)))
-        assert (folder / RECORD).read_bytes() == before
+        assert (folder / RUN_RECORD).read_bytes() == before
 
 
 def test_a_damaged_checkpoint_is_one_sentence(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
@@ -116,8 +116,8 @@ def test_what_belongs_to_another_network_or_time_is_one_sentence(
     shutil.copy(tmp_path / "cvpr2017" / CHECKPOINT, mixed / CHECKPOINT)
     with pytest.raises(DataError, match=r"checkpoint\.pt is of another network than the run's\.$"):
         train_network(replace(config, out=str(mixed)))
-    record = json.loads((mixed / RECORD).read_text())
-    (mixed / RECORD).write_text(json.dumps({**record, "config": {**record["config"], "older": 1}}))
+    record = json.loads((mixed / RUN_RECORD).read_text())
+    (mixed / RUN_RECORD).write_text(json.dumps({**record, "config": {**record["config"], "older": 1}}))
     with pytest.raises(DataError, match="holds a run with a setting that is unknown here, older; choose another --out"):
         train_network(replace(config, out=str(mixed)))
 

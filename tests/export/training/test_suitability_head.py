@@ -11,7 +11,7 @@ import torch
 
 from export.data.panoramas import DataError
 from export.networks.outdoor import Outdoor, build_network, network_specs
-from export.networks.weights import CHECKPOINT, RECORD, read_network
+from export.networks.weights import CHECKPOINT, RUN_RECORD, read_network
 from export.training.suitability_head import _FALSE_ALARMS, _RATES, _caught, _fit, _folds, _write, fit_suitability_head
 
 
@@ -80,7 +80,7 @@ def test_networks_without_light_are_refused_and_left_alone(trained: Path, data: 
 
 def test_the_baseline_has_no_head_for_it(tmp_path: Path, data: Path) -> None:
     spec = network_specs("0")["cvpr2017"]
-    (tmp_path / RECORD).write_text(json.dumps({"spec": asdict(spec)}))
+    (tmp_path / RUN_RECORD).write_text(json.dumps({"spec": asdict(spec)}))
     torch.save(
         {"average": {f"module.{n}": v for n, v in build_network(spec).state_dict().items()}}, tmp_path / CHECKPOINT
     )

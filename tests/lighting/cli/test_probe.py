@@ -12,7 +12,7 @@ from PIL import Image
 
 from export.reports.probe import SKY_DAY, SKY_PLACE, _BracketCamera, _clear_sky_at, _expose_bracket, _photograph_sky
 from lighting.cli import cli
-from lighting.cli.probe import KINDS
+from lighting.cli.probe import PROBE_KINDS
 from lighting.color import srgb_encode
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, read_exr_attributes, write_exr
@@ -152,7 +152,7 @@ def test_a_sun_that_cannot_be_is_wrong_usage(tmp_path: Path, sun: str) -> None:
 
 
 def test_the_lenses_offered_are_those_known() -> None:
-    assert KINDS == LENSES
+    assert PROBE_KINDS == LENSES
 
 
 def panorama(path: Path, value: float = 0.5, height: int = 32) -> Path:

@@ -26,7 +26,7 @@ from lighting.preview.picture import (
     _LETTERS,
     _MARGIN,
     _WARNING_LINE,
-    WIDTH,
+    PREVIEW_WIDTH,
     _circle_around_sun,
     _density,
     _draw_compass,
@@ -124,7 +124,7 @@ def test_a_level_camera_looks_neither_down_nor_turned() -> None:
 
 @pytest.mark.parametrize(("visibility", "gold"), [(0.9, True), (0.1, False)])
 def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, gold: bool) -> None:
-    canvas = Image.new("RGB", (WIDTH, 140))
+    canvas = Image.new("RGB", (PREVIEW_WIDTH, 140))
     _draw_headline(canvas, outdoors(sun_visibility=visibility))
     assert (len(amber(np.asarray(canvas).astype(np.int64))) > 100) == gold
 
@@ -153,7 +153,7 @@ def test_what_is_not_certain_is_not_stated_plainly(
         written.append(text)
 
     monkeypatch.setattr(module, "draw_text", note)
-    _draw_headline(Image.new("RGB", (WIDTH, 140)), outdoors(radius_90=radius, sun_visibility=visibility))
+    _draw_headline(Image.new("RGB", (PREVIEW_WIDTH, 140)), outdoors(radius_90=radius, sun_visibility=visibility))
     assert any(text.startswith(words) for text in written)
 
 
@@ -163,7 +163,7 @@ def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
     assert lines[0] == f"Warning: {short}"
     assert " ".join(lines[1:]) == f"Warning: {long.strip()}"
     assert len(lines) > 3
-    assert max(text_width(line, 18) for line in lines) <= WIDTH - 2 * _MARGIN
+    assert max(text_width(line, 18) for line in lines) <= PREVIEW_WIDTH - 2 * _MARGIN
     assert _warning_lines(outdoors()) == []
 
 
@@ -182,8 +182,8 @@ def test_the_title_leaves_room_for_what_is_beside_it(
     drawn = (EvidenceKind.SHADOW, EvidenceKind.DRAWN_CAMERA)  # in one photo alone
     of_several = tuple(kind for kind in EvidenceKind if kind not in drawn)
     sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=of_several, camera_heading=115.0)
-    _draw_headline(Image.new("RGB", (WIDTH, 140)), sun)
-    assert written[_MARGIN] + _GAP + written[WIDTH - _MARGIN] <= WIDTH - 2 * _MARGIN
+    _draw_headline(Image.new("RGB", (PREVIEW_WIDTH, 140)), sun)
+    assert written[_MARGIN] + _GAP + written[PREVIEW_WIDTH - _MARGIN] <= PREVIEW_WIDTH - 2 * _MARGIN
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(60.0, 30.0), (-60.0, 30.0), (135.0, 20.0), (0.0, 60.0)])
@@ -262,16 +262,16 @@ def test_no_region_strikes_the_degrees_out() -> None:
 @pytest.mark.parametrize("aspect", [0.4, 0.75, 0.89, 0.9, 1.0, 4 / 3, 16 / 9, 3.0])
 def test_panels_do_not_overlap(aspect: float, warnings: int) -> None:
     plan = _lay_out(aspect, 9, warnings)
-    covered = np.zeros((plan.height, WIDTH), dtype=np.int64)
+    covered = np.zeros((plan.height, PREVIEW_WIDTH), dtype=np.int64)
     for box in (plan.photo, plan.compass, plan.envmap, plan.spheres):
         assert min(box.width, box.height) > 300
-        assert box.x + box.width <= WIDTH - _MARGIN
+        assert box.x + box.width <= PREVIEW_WIDTH - _MARGIN
         covered[box.y : box.y + box.height, box.x : box.x + box.width] += 1
     assert covered.max() == 1
     for x, y in plan.cells:
         assert not covered[y : y + 50, x : x + 120].any()
         assert y + 50 < plan.height
-        assert x + 120 < WIDTH
+        assert x + 120 < PREVIEW_WIDTH
 
 
 @pytest.mark.parametrize("radius", [0.0, 9.0, 60.0, 110.0, 179.0])
@@ -416,7 +416,7 @@ def test_each_of_the_suns_has_its_panel(network: Path) -> None:
     suns = answer.lighting.sun_candidates
     assert len(suns) > 1
     picture = np.asarray(answer.preview_candidates(MapOptions(64)))
-    assert picture.shape[1] == WIDTH
+    assert picture.shape[1] == PREVIEW_WIDTH
     panels = np.array_split(picture[:, 40:-40], len(suns), axis=1)
     assert not np.array_equal(panels[0][..., :400, :], panels[1][..., :400, :])
     with pytest.raises(ParameterError, match="pick"):

@@ -26,7 +26,7 @@ NOTED = {"IMAGE_NPOT_DIMENSIONS", "UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"}  # a
 
 def document_of(folder: Path) -> tuple[dict[str, Any], bytes]:
     """The JSON and the binary chunk of the file in a folder."""
-    data = (folder / gltf.FILE).read_bytes()
+    data = (folder / gltf.GLB_FILE).read_bytes()
     assert struct.unpack_from("<4sII", data) == (b"glTF", 2, len(data))
     length, kind = struct.unpack_from("<I4s", data, 12)
     assert kind == b"JSON"
@@ -53,14 +53,14 @@ def validated(file: Path) -> dict[str, Any]:
 @pytest.mark.slow
 def test_the_khronos_validator_finds_neither_errors_nor_warnings(tmp_path: Path) -> None:
     gltf.write_gltf(sunlit_scene(), tmp_path)
-    issues = validated(tmp_path / gltf.FILE)
+    issues = validated(tmp_path / gltf.GLB_FILE)
     assert (issues["numErrors"], issues["numWarnings"], issues["numHints"]) == (0, 0, 0), issues["messages"]
     assert {message["code"] for message in issues["messages"]} <= NOTED
 
 
 def test_the_validator_does_find_faults(tmp_path: Path) -> None:
     gltf.write_gltf(sunlit_scene(), tmp_path)
-    file = tmp_path / gltf.FILE
+    file = tmp_path / gltf.GLB_FILE
     file.write_bytes(file.read_bytes().replace(b'"intensity":', b'"intensitx":').replace(b'"camera":0', b'"camera":7'))
     assert validated(file)["numErrors"] >= 1
 

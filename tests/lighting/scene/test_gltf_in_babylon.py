@@ -58,7 +58,7 @@ def test_a_matte_ball_has_the_maps_irradiance(tmp_path: Path) -> None:
     values = {
         "BABYLON": (modules / "babylonjs" / "babylon.js").as_uri(),
         "LOADERS": (modules / "babylonjs-loaders" / "babylonjs.loaders.min.js").as_uri(),
-        "GLB": base64.b64encode((tmp_path / gltf.FILE).read_bytes()).decode(),
+        "GLB": base64.b64encode((tmp_path / gltf.GLB_FILE).read_bytes()).decode(),
         "NORMALS": json.dumps(UNIT_NORMALS.tolist()),
     }
     page = tmp_path / "page.html"

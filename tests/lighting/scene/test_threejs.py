@@ -67,7 +67,7 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
     scene = sunlit_scene()
     threejs.write_threejs(scene, folder)
     gltf.write_gltf(scene, folder)
-    glb = base64.b64encode((folder / gltf.FILE).read_bytes()).decode()
+    glb = base64.b64encode((folder / gltf.GLB_FILE).read_bytes()).decode()
     drawn = drawings(
         folder / threejs.PAGE, VIEWS.replace("GLB", glb).replace("MOVED", MOVED), scene.width, scene.height
     )

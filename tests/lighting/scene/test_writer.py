@@ -133,7 +133,7 @@ def test_an_archive_holds_what_the_folder_holds(tmp_path: Path, tool: str) -> No
     write_scene(plain_scene(), tool, tmp_path / "out")
     with zipfile.ZipFile(BytesIO(zip_scene(plain_scene(), tool))) as archive:
         assert archive.testzip() is None
-        on_disk = {path.name for path in (tmp_path / "out").iterdir()} - {blender.FILE}  # which needs a disk
+        on_disk = {path.name for path in (tmp_path / "out").iterdir()} - {blender.BLEND_FILE}  # which needs a disk
         assert sorted(archive.namelist()) == sorted(on_disk)
 
 

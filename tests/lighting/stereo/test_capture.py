@@ -24,7 +24,7 @@ from lighting.stereo.capture import (
     read_day_photos,
     read_nearest_skies,
 )
-from lighting.stereo.light_vectors import TURBIDITY, Skies, _overcast_skies, clear_skies, sun_directions
+from lighting.stereo.light_vectors import CLEAR_TURBIDITY, Skies, _overcast_skies, clear_skies, sun_directions
 from lighting.stereo.output import _write_picture, _write_png16
 from lighting.stereo.solver import Pose
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
@@ -350,7 +350,7 @@ def test_pictures_without_edges_say_nothing() -> None:
 
 
 def clear(times: np.ndarray = JUNE) -> Skies:
-    return clear_skies(sun_directions(times, LATITUDE, 0.0), TURBIDITY, 0.3, 32)
+    return clear_skies(sun_directions(times, LATITUDE, 0.0), CLEAR_TURBIDITY, 0.3, 32)
 
 
 @pytest.mark.parametrize("noise", [0.001, 0.01])
