@@ -4,9 +4,9 @@ The light is estimated by this project's command `lighting` or by its service; b
 Afterwards the sliders need neither: this folder holds the project's sky model.
 """
 
-from . import operators, panel, preferences, sliders
+from . import drawing, gizmo, operators, panel, preferences, sliders
 
-_PARTS = (preferences, sliders, operators, panel)
+_PARTS = (preferences, sliders, operators, drawing, gizmo, panel)
 
 
 def register() -> None:

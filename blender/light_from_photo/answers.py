@@ -6,6 +6,7 @@ with them is never run; this extension has its own copy.
 
 import http.client
 import io
+import json
 import os
 import re
 import shutil
@@ -15,11 +16,13 @@ import urllib.parse
 import urllib.request
 import zipfile
 import zlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 NEEDED = ("scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json")
 SECONDS = 120  # to wait for an answer
+_SECONDS_OF_FINDING = 20  # that the command may take to say its version
 MOST_BYTES = 1 << 28  # of an answer, packed or not
 PHOTOS = (
     ".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".png", ".webp", ".heic", ".heif", ".hif", ".tif", ".tiff", ".avif",
@@ -41,6 +44,8 @@ _USUAL = (  # where installers put commands that no desktop's PATH has
     "~/.local/bin/lighting.exe",
 )
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_VERSION = re.compile(r"lighting, version (\d\S*)")
+_PORTS = 4  # that `lighting serve` tries, from the address's own on, where another program has that
 
 
 class AnswerError(Exception):
@@ -51,38 +56,90 @@ class NoCommandError(AnswerError):
     """The command is nowhere."""
 
 
+@dataclass(frozen=True)
+class Stated:
+    """What the user knows of a photo."""
+
+    marks: tuple[str, ...] = ()
+    """Shadows, as the command takes them by --shadow."""
+    pick: int = 0
+    """The number of the sun that shines, from 1; 0: the answer's."""
+
+
 def find_command(command: str) -> str | None:
-    """The path of the command: as it was set, else what built this extension, else where installers put it."""
+    """The path of the first that works: as it was set, what built this extension, where installers put it."""
     names = [command]
     if command == "lighting":
         names += [_BUILT_BY.read_text(encoding="utf-8").strip()] if _BUILT_BY.is_file() else []
         names += _USUAL
-    return next(filter(None, (shutil.which(os.path.expanduser(name)) for name in names)), None)  # noqa: PTH111
+    paths = filter(None, (shutil.which(os.path.expanduser(name)) for name in names))  # noqa: PTH111
+    return next((path for path in paths if version_of(path)), None)
 
 
-def is_serving_here(address: str) -> bool:
-    """Whether a service answers at an address, which must be of this computer: nobody chose to send the photo."""
-    base_url = address.strip().rstrip("/")
+def version_of(program: str) -> str | None:
+    """The version of a command; None where it does not start, or is another that is called `lighting`."""
     try:
-        if _host(base_url) not in _LOOPBACK:
-            return False
-        with urllib.request.build_opener(_Stay).open(f"{base_url}/readyz", timeout=1) as answer:
-            return bool(answer.status == 200)
-    except (AnswerError, OSError, ValueError, http.client.HTTPException):
+        result = _run([program, "--version"], _SECONDS_OF_FINDING)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    told = _VERSION.match(result.stdout)
+    return told[1] if told else None
+
+
+def _run(arguments: list[str], seconds: int) -> "subprocess.CompletedProcess[str]":
+    """A command without Blender's own Python in its environment."""
+    environment = {name: value for name, value in os.environ.items() if name not in _OF_THIS_PYTHON}
+    return subprocess.run(
+        arguments, env=environment, capture_output=True, text=True, errors="replace", timeout=seconds, check=False
+    )
+
+
+def is_here(address: str) -> bool:
+    """Whether an address is of this computer."""
+    try:
+        return _host(address.strip()) in _LOOPBACK
+    except AnswerError:
         return False
 
 
-def from_command(command: str, photo: Path, folder: Path) -> None:
+def find_service(address: str, key: str) -> str | None:
+    """The address of a service that works on this computer: as it was set, or a few ports on.
+
+    An address elsewhere is not asked: nobody chose to send the photo there.
+    """
+    if not is_here(address):
+        return None
+    url = urllib.parse.urlsplit(address.strip().rstrip("/"))
+    ports = range(url.port, url.port + _PORTS) if url.port else [url.port]
+    host = f"[{url.hostname}]" if ":" in str(url.hostname) else url.hostname
+    urls = [f"{url.scheme}://{host}{f':{port}' if port else ''}{url.path}" for port in ports]
+    return next((base_url for base_url in urls if _is_service(base_url, key.strip())), None)
+
+
+def _is_service(base_url: str, key: str) -> bool:
+    """Whether what listens there makes scenes for Blender, and takes photos now."""
+    opener = urllib.request.build_opener(_Stay)
+    try:
+        request = urllib.request.Request(f"{base_url}/v1/model", headers=_authorization(key))
+        with opener.open(request, timeout=1) as answer:
+            if "blender" not in json.loads(answer.read(1 << 16))["scene_tools"]:
+                return False
+        with opener.open(f"{base_url}/readyz", timeout=1) as answer:
+            return bool(answer.status == 200)
+    except (AnswerError, OSError, ValueError, KeyError, TypeError, http.client.HTTPException):
+        return False
+
+
+def from_command(command: str, photo: Path, folder: Path, stated: Stated = Stated()) -> None:
     """Have the command write the scene into a folder; raises AnswerError."""
     program = find_command(command)
     if program is None:
-        raise NoCommandError(f"There is no command {command!r}; give its whole path in the preferences.")
-    environment = {name: value for name, value in os.environ.items() if name not in _OF_THIS_PYTHON}
+        raise NoCommandError(f"There is no command {command!r} that works; give its whole path in the preferences.")
     arguments = [program, "scene", str(photo), "--for", "blender", "-o", str(folder), "--quiet"]
+    arguments += [part for mark in stated.marks for part in ("--shadow", mark)]
+    arguments += ["--pick", str(stated.pick)] if stated.pick else []
     try:
-        result = subprocess.run(
-            arguments, env=environment, capture_output=True, text=True, errors="replace", timeout=SECONDS, check=False
-        )
+        result = _run(arguments, SECONDS)
     except subprocess.TimeoutExpired as error:
         raise AnswerError(f"{command} took more than {SECONDS} seconds.") from error
     except OSError as error:
@@ -93,13 +150,16 @@ def from_command(command: str, photo: Path, folder: Path) -> None:
     _check(folder)
 
 
-def from_service(address: str, key: str, photo: Path, folder: Path) -> None:
+def from_service(address: str, key: str, photo: Path, folder: Path, stated: Stated = Stated()) -> None:
     """Send the photo to a service and unpack its answer; raises AnswerError."""
     base_url = address.strip().rstrip("/")
     headers = _headers(photo, key.strip())
     host = _host(base_url)
+    query = {"for": "blender"} | ({"shadow": ";".join(stated.marks)} if stated.marks else {})
+    query |= {"pick": str(stated.pick)} if stated.pick else {}
     try:
-        request = urllib.request.Request(f"{base_url}/v1/scene?for=blender", photo.read_bytes(), headers)
+        url = f"{base_url}/v1/scene?{urllib.parse.urlencode(query)}"
+        request = urllib.request.Request(url, photo.read_bytes(), headers)
         with urllib.request.build_opener(_Stay).open(request, timeout=SECONDS) as answer:
             data = answer.read(MOST_BYTES + 1)
     except urllib.error.HTTPError as error:
@@ -136,18 +196,19 @@ class _Stay(urllib.request.HTTPRedirectHandler):
 
 def _headers(photo: Path, key: str) -> dict[str, str]:
     """The service reads the kind of photo from its bytes; the type only has to be one of a photo."""
-    headers = {"Content-Type": _KINDS.get(photo.suffix.lower(), "image/jpeg")}
+    return {"Content-Type": _KINDS.get(photo.suffix.lower(), "image/jpeg"), **_authorization(key)}
+
+
+def _authorization(key: str) -> dict[str, str]:
     if not key:
-        return headers
+        return {}
     if not re.fullmatch(r"[\t\x20-\x7e\x80-\xff]+", key):
         raise AnswerError("The API key has characters that no request can carry.")
-    return headers | {"Authorization": f"Bearer {key}"}
+    return {"Authorization": f"Bearer {key}"}
 
 
 def _detail(error: urllib.error.HTTPError) -> str:
     """The service's own sentence, if it has one."""
-    import json
-
     try:
         return str(json.loads(error.read(1 << 16))["detail"])
     except (ValueError, KeyError, TypeError, OSError):

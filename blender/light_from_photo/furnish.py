@@ -101,6 +101,7 @@ def _remember(settings: Any, record: dict[str, Any], numbers: dict[str, Any], wo
     """The estimate behind the sliders; the world last, since only then do they work."""
     settings.shines = numbers["sun"]["irradiance"] > 0
     settings.record = json.dumps(record)
+    settings.photo_size = numbers.get("photo_size", numbers["size"])  # of a service older than this extension
     settings.environment = environment_node(world).image
     settings.estimate = (record["sun"]["azimuth"], record["sun"]["elevation"], record["sky"]["turbidity"], 0.0)
     settings.overcast = False

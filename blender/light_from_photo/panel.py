@@ -4,9 +4,14 @@ from typing import Any
 
 import bpy
 
+from .drawing import LIGHTFROMPHOTO_OT_shadow as Draw
 from .operators import LIGHTFROMPHOTO_OT_estimate as Estimate
+from .operators import LIGHTFROMPHOTO_OT_forget as Forget
+from .operators import LIGHTFROMPHOTO_OT_pick as Pick
 from .operators import LIGHTFROMPHOTO_OT_reset as Reset
+from .operators import drawn_marks
 from .skies import SLIDERS
+from .trust import sun_labels, trust_line
 
 
 class _Panel:
@@ -15,7 +20,7 @@ class _Panel:
     bl_category = "Light"
 
     def draw(self, context: Any) -> None:
-        """The buttons, and the sliders once there is a light."""
+        """The buttons; once there is a light, how sure it is, what helps, and the sliders."""
         layout = self.layout  # type: ignore[attr-defined]
         layout.use_property_split = True
         layout.operator(Estimate.bl_idname, text="Pick a Photo…", icon="FILE_IMAGE")
@@ -24,12 +29,27 @@ class _Panel:
             operator = layout.operator(Estimate.bl_idname, text=f"Use {image.name}", icon="IMAGE_DATA")
             operator.filepath = image.filepath
         settings = context.scene.light_from_photo
+        if settings.world is not None and settings.answer:
+            _draw_answer(layout, settings, can_draw=context.space_data.type == "VIEW_3D")
         column = layout.column(align=True)
         column.active = settings.world is not None
         for name in SLIDERS:
             column.prop(settings, name, slider=True)
         column.prop(settings, "overcast")
         layout.operator(Reset.bl_idname, icon="LOOP_BACK")
+
+
+def _draw_answer(layout: Any, settings: Any, *, can_draw: bool) -> None:
+    """The line of trust, the suns to pick from, and what was drawn."""
+    layout.label(text=trust_line(settings.answer), icon="LIGHT_SUN")
+    column = layout.column(align=True)
+    for number, label in enumerate(sun_labels(settings.answer), 1):
+        column.operator(Pick.bl_idname, text=label, depress=number == max(settings.pick, 1)).number = number
+    row = layout.row(align=True)
+    if can_draw:
+        row.operator_menu_enum(Draw.bl_idname, "kind", icon="GREASEPENCIL")
+    if count := len(drawn_marks(settings)):
+        row.operator(Forget.bl_idname, text=f"{count} drawn", icon="X")
 
 
 class LIGHTFROMPHOTO_PT_view(_Panel, bpy.types.Panel):

@@ -4,6 +4,8 @@ from typing import Any
 
 import bpy
 
+from .answers import is_here
+
 
 class LightFromPhotoPreferences(bpy.types.AddonPreferences):
     """What the user sets once."""
@@ -13,7 +15,7 @@ class LightFromPhotoPreferences(bpy.types.AddonPreferences):
     source: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Estimate with",
         items=[
-            ("COMMAND", "Command", "The command `lighting` on this computer"),
+            ("COMMAND", "This Computer", "The command `lighting`, or a service that runs here"),
             ("SERVICE", "Service", "A service, by its address; needs Blender's online access"),
         ],
         default="COMMAND",
@@ -36,10 +38,11 @@ class LightFromPhotoPreferences(bpy.types.AddonPreferences):
         self.layout.prop(self, "source", expand=True)
         if self.source == "COMMAND":
             self.layout.prop(self, "command")
+            self.layout.operator("light_from_photo.find", icon="VIEWZOOM")
             return
         self.layout.prop(self, "address")
         self.layout.prop(self, "key")
-        if not bpy.app.online_access:
+        if not (bpy.app.online_access or is_here(self.address)):
             self.layout.label(text="Allow Online Access in the System preferences first", icon="ERROR")
 
 

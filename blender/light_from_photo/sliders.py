@@ -15,8 +15,12 @@ from .lighting.records import Lighting
 IMAGE = "Sky of the sliders"
 
 
+_moving: list[bool] = []  # not empty while several sliders move at once
+
+
 def _changed(settings: Any, _context: Any) -> None:
-    shine(settings)
+    if not _moving:
+        shine(settings)
 
 
 def _slider(name: str, label: str, description: str, **more: Any) -> Any:
@@ -43,6 +47,11 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
     )
     estimate: bpy.props.FloatVectorProperty(size=4)  # type: ignore[valid-type]
     record: bpy.props.StringProperty()  # type: ignore[valid-type]
+    answer: bpy.props.StringProperty()  # type: ignore[valid-type]  # the record before a sun was picked
+    photo: bpy.props.StringProperty()  # type: ignore[valid-type]  # its file
+    photo_size: bpy.props.IntVectorProperty(size=2)  # type: ignore[valid-type]  # columns and rows
+    marks: bpy.props.StringProperty()  # type: ignore[valid-type]  # what was drawn, separated by `;`
+    pick: bpy.props.IntProperty()  # type: ignore[valid-type]  # number of the sun, from 1; 0: the answer's
     shines: bpy.props.BoolProperty()  # type: ignore[valid-type]
     environment: bpy.props.PointerProperty(type=bpy.types.Image)  # type: ignore[valid-type]
     camera: bpy.props.PointerProperty(type=bpy.types.Object)  # type: ignore[valid-type]
@@ -78,11 +87,24 @@ def _painted(settings: Any, light: Lighting) -> Any:
     return image
 
 
+def turn_sun(settings: Any, azimuth: float, elevation: float) -> None:
+    """Move both sliders of the sun [deg], and paint once."""
+    _move(settings, {"sun_azimuth": azimuth, "sun_elevation": elevation})
+
+
 def reset(settings: Any) -> None:
     """All sliders back to the estimate."""
-    settings.overcast = False
-    for name, value in zip(skies.SLIDERS, settings.estimate, strict=True):
-        setattr(settings, name, value)
+    _move(settings, {"overcast": False, **dict(zip(skies.SLIDERS, settings.estimate, strict=True))})
+
+
+def _move(settings: Any, values: dict[str, float]) -> None:
+    _moving.append(True)
+    try:
+        for name, value in values.items():
+            setattr(settings, name, value)
+    finally:
+        _moving.pop()
+    shine(settings)
 
 
 @bpy.app.handlers.persistent

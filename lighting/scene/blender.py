@@ -119,6 +119,7 @@ def _description(scene: records.Scene) -> Json:
         "spot_in_shade": scene.spot_in_shade,
         "samples": _SAMPLES,
         "size": [scene.width, scene.height],
+        "photo_size": list(scene.photo_size or (scene.width, scene.height)),
         "camera": {
             "matrix": matrix.tolist(),
             "sensor": [scene.sensor_width, records.SENSOR_HEIGHT],

@@ -96,6 +96,8 @@ class Scene:
     """(H, W), 0 to 1, of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere."""
     segments: Segments | None = None
     """(R, C, K) probabilities, 0 to 1, of what the plate shows. None: unknown."""
+    photo_size: tuple[int, int] | None = None
+    """Columns and rows of the upright photo, pixels, of which the plate may have fewer. None: the plate's own."""
 
     @cached_property
     def photo_name(self) -> str:
@@ -318,4 +320,5 @@ def make_scene(
     light = context.light_at_exposure(lighting) if context else lighting
     has_shade = shines and (context is None or context.light is None or context.light.sun_painted)
     lit = ground_shadow_mask(photo.pixels, light, sun=has_shade, segments=segments)
-    return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit, segments)
+    size = photo.width, photo.height
+    return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit, segments, size)

@@ -13,6 +13,7 @@ from typing import Any
 import bpy
 
 NAME = "bl_ext.user_default.light_from_photo"
+SHADOW = "450,420,150,440"  # of nothing, in wide_street.jpg
 
 
 def main() -> None:
@@ -42,6 +43,7 @@ def main() -> None:
     bpy.ops.light_from_photo.estimate(filepath=photo)
     found["again"] = sorted({thing.name.split(".")[0] for thing in scene.objects} - kept)
     found["sun lamps"] = sum(thing.type == "LIGHT" and thing.data.type == "SUN" for thing in scene.objects)
+    found["known"] = known(scene)
     found["own"] = own(scene, photo)
     found["lit"] = [group.name for group in bpy.data.collections if group.name.startswith("Lit")]
     found |= undone(photo)
@@ -64,6 +66,33 @@ def seen(scene: Any, higher: float) -> bool:
     answer = bool(sys.modules[f"{NAME}.furnish"].spot_is_in_view(scene))
     camera.rotation_euler.x -= higher
     return answer
+
+
+def known(scene: Any) -> dict[str, Any]:
+    """What a shadow, a pick and the dragged ball make of the light."""
+    settings, buttons = scene.light_from_photo, bpy.ops.light_from_photo
+    found: dict[str, Any] = {"photo size": list(settings.photo_size), "drawn": sorted(buttons.shadow(mark=SHADOW))}
+    found |= {"drawn record": json.loads(settings.record), "marks": [settings.marks]}
+    try:
+        buttons.shadow(mark="1,2,3")
+    except RuntimeError as error:  # as Blender raises the error that a button shows
+        found["refused"] = str(error)
+    found["marks"].append(settings.marks)
+    found["forgotten"] = [sorted(buttons.forget()), settings.marks, json.loads(settings.record)["sun"]]
+    answer = settings.answer
+    buttons.pick(number=2)
+    found["picked"] = [settings.sun_azimuth, settings.sun_elevation, settings.pick, settings.answer == answer]
+    buttons.pick(number=1)
+    found["first again"] = json.loads(settings.record)["sun"]
+    sliders, gizmo = sys.modules[f"{NAME}.sliders"], sys.modules[f"{NAME}.gizmo"]
+    painted: list[Any] = []
+    paint, sliders._painted = sliders._painted, lambda *given: painted.append(given) or paint(*given)
+    sliders.turn_sun(settings, -30.0, 20.0)
+    sliders._painted = paint
+    registered = hasattr(bpy.types, gizmo.LIGHTFROMPHOTO_GGT_sun.bl_idname)
+    found["turned"] = [settings.sun_azimuth, settings.sun_elevation, len(painted), registered]
+    buttons.reset()
+    return found
 
 
 def own(scene: Any, photo: str) -> list[Any]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from socket import create_server
 from threading import Thread
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
@@ -25,15 +26,19 @@ from lighting.batch.results import PHOTO_SUFFIXES
 from lighting.envmap.relighting import adjust_lighting
 from lighting.envmap.render import render, sun_light
 from lighting.estimator import Estimator
+from lighting.fusion.shadows import OwnShadow, marked_points, read_shadow
+from lighting.fusion.user_input import UserInput
 from lighting.map_options import Adjustments
 from lighting.photo.reader import read_photo
-from lighting.records import Lighting
+from lighting.records import Lighting, SunCandidate
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
+from lighting.version import __version__
 from scripts.blender_extension import ROOT, build, relative
 from tests.helpers.engines import CHROOT, PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
 from tests.helpers.scenes import sunlit_scene
 
+SHADOW = "450,420,150,440"  # as in try_extension.py
 NEEDED = {"scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
 
 
@@ -89,7 +94,8 @@ def test_nothing_is_imported_but_blender_numpy_and_itself(package: Path) -> None
                 alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names
             }
             imported |= {str(n.module).split(".")[0] for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}
-            assert imported - set(sys.stdlib_module_names) <= {"bpy", "bpy_extras", "mathutils", "numpy"}, name
+            blenders = {"bpy", "bpy_extras", "gpu", "gpu_extras", "mathutils"}
+            assert imported - set(sys.stdlib_module_names) <= {*blenders, "numpy"}, name
 
 
 def test_the_same_files_make_the_same_zip(package: Path, tmp_path: Path) -> None:
@@ -134,7 +140,8 @@ def test_the_lights_power_follows_the_sliders(unpacked: str) -> None:
 
 def command(folder: Path, text: str) -> str:
     program = folder / "a command"
-    program.write_text(f"#!{sys.executable}\nimport sys, pathlib\n{text}\n")
+    version = "if sys.argv[1:] == ['--version']: sys.exit(print('lighting, version 0.3.0'))"
+    program.write_text(f"#!{sys.executable}\nimport sys, pathlib\n{version}\n{text}\n")
     program.chmod(0o755)
     return str(program)
 
@@ -149,6 +156,13 @@ def test_a_command_fills_the_folder(answers: Any, photo: Path, tmp_path: Path) -
     assert {path.name for path in (tmp_path / "out").iterdir()} == NEEDED
 
 
+def test_a_command_is_told_what_the_user_knows(answers: Any, photo: Path, tmp_path: Path) -> None:
+    text = "sys.exit(' '.join(sys.argv[7:]))"
+    stated = answers.Stated(("1,2,3,40", "own:5,6"), pick=2)
+    with pytest.raises(answers.AnswerError, match=r"^--quiet --shadow 1,2,3,40 --shadow own:5,6 --pick 2$"):
+        answers.from_command(command(tmp_path, text), photo, tmp_path, stated)
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [("sys.exit('Error: p.png: no photo.')", "p.png: no photo."), ("", "The answer has no scene.json, plate.png")],
@@ -161,7 +175,7 @@ def test_a_command_that_fails_is_a_sentence(
 
 
 def test_no_command_is_a_sentence(answers: Any, photo: Path, tmp_path: Path) -> None:
-    with pytest.raises(answers.AnswerError, match=r"^There is no command 'absent-command';"):
+    with pytest.raises(answers.AnswerError, match=r"^There is no command 'absent-command' that works;"):
         answers.from_command("absent-command", photo, tmp_path)
 
 
@@ -170,8 +184,7 @@ def test_the_command_is_found_where_it_was_built_and_where_installers_put_it(
 ) -> None:
     program = tmp_path / "bin" / "lighting"
     program.parent.mkdir()
-    program.write_text("#!/bin/sh\n")
-    program.chmod(0o755)
+    Path(command(tmp_path, "")).rename(program)
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(answers, "_USUAL", ())
     assert answers.find_command("lighting") is None
@@ -185,9 +198,121 @@ def test_the_command_is_found_where_it_was_built_and_where_installers_put_it(
     assert answers.find_command("lighting") == str(program)
 
 
+@pytest.mark.parametrize("text", ["#!/bin/sh\nexit 1", "#!/bin/sh\necho lamps 2.0", "#!/absent/python\n"])
+def test_a_command_that_does_not_work_is_passed_over(
+    answers: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    """A broken environment, and another program of the same name, before one that works."""
+    (tmp_path / "path").mkdir()
+    (tmp_path / "path" / "lighting").write_text(text)
+    (tmp_path / "path" / "lighting").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path / "path"))
+    monkeypatch.setattr(answers, "_USUAL", (command(tmp_path, ""),))
+    assert answers.find_command("lighting") == str(tmp_path / "a command")
+
+
+def test_the_projects_own_command_is_recognised(answers: Any) -> None:
+    program = shutil.which("lighting", path=str(Path(sys.executable).parent))
+    assert program is not None
+    assert answers.version_of(program) == __version__
+
+
 def test_only_a_service_of_this_computer_is_used_unasked(answers: Any) -> None:
-    for address in ("http://example.com", "ftp://127.0.0.1", "nonsense", "http://127.0.0.1:9"):
-        assert not answers.is_serving_here(address)
+    for address in ("http://example.com", "ftp://127.0.0.1", "nonsense", "http://127.0.0.1:9", "http://127.0.0.1:x"):
+        assert answers.find_service(address, "") is None
+
+
+def test_a_service_is_found_on_a_later_port(answers: Any) -> None:
+    """As `lighting serve` takes one where another program listens; that is asked, and is none."""
+    _Service.answers = {"/v1/model": b'{"scene_tools": ["blender", "usd"]}', "/readyz": b"{}"}
+    with HTTPServer(("127.0.0.1", 0), _Service) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        address, before = f"http://127.0.0.1:{server.server_port}", f"http://127.0.0.1:{server.server_port - 2}"
+        assert answers.find_service(address, " key\n") == address
+        assert _Service.received["authorization"] == "Bearer key"
+        assert answers.find_service(before, "") == address
+        for name, other in (("/readyz", None), ("/v1/model", b'{"name": "another"}'), ("/v1/model", b"<html>")):
+            _Service.answers = _Service.answers | {name: other}
+            assert answers.find_service(address, "") is None
+        server.shutdown()
+
+
+# What is drawn and dragged
+
+
+@pytest.fixture(scope="module")
+def dome(unpacked: str) -> Any:
+    return importlib.import_module(f"{unpacked}.dome")
+
+
+@pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 30.0), (-120.0, 5.0), (179.0, 60.0), (40.0, 89.0)])
+@pytest.mark.parametrize("eye", [(0.0, 0.0, 1.6), (9.0, -3.0, 4.0)])
+def test_a_line_of_sight_to_the_sun_on_the_dome_finds_it(
+    dome: Any, azimuth: float, elevation: float, eye: tuple[float, float, float]
+) -> None:
+    center, radius = np.array([0.5, 5.0, 0.0]), 1.5
+    sun = dome.sun_direction(azimuth, elevation)
+    sight = center + radius * sun - np.array(eye)
+    near = bool(sight @ sun < 0)
+    hit = dome.meet_dome(eye, sight / np.linalg.norm(sight), center, radius, near=near)
+    assert not hit.misses
+    assert dome.sun_angles(hit.direction) == pytest.approx((azimuth, elevation), abs=1e-6)
+
+
+def test_the_domes_frame_is_that_of_the_lamp(unpacked: str, dome: Any) -> None:
+    light = Lighting(-40.0, 35.0, 3.0, 2.0)
+    skies = importlib.import_module(f"{unpacked}.skies")
+    assert skies.sun(light, shines=True)["direction"] == pytest.approx(dome.sun_direction(-40.0, 35.0), abs=1e-6)
+
+
+def test_beside_the_dome_the_sun_stays_on_its_rim(dome: Any) -> None:
+    eye, center = np.zeros(3), np.array([0.0, 10.0, 0.0])
+    hit = dome.meet_dome(eye, np.array([0.6, 0.8, 0.0]), center, 1.0, near=True)
+    assert hit.misses
+    assert np.linalg.norm(hit.direction) == pytest.approx(1.0)
+    assert hit.direction @ np.array([0.6, 0.8, 0.0]) == pytest.approx(0.0)
+    assert dome.sun_angles(hit.direction)[0] == pytest.approx(90.0 + np.degrees(np.arctan2(0.6, 0.8)))
+    inside = dome.meet_dome(center, np.array([0.0, 0.0, 1.0]), center, 1.0, near=True)
+    assert inside.direction == pytest.approx([0, 0, 1])  # an eye in the dome has it all before it
+
+
+def test_a_click_on_the_photo_is_its_pixel(unpacked: str) -> None:
+    marks = importlib.import_module(f"{unpacked}.marks")
+    window = (100.0, 500.0), (900.0, 50.0)
+    size = (1600, 900)
+    assert marks.photo_pixel((100.0, 500.0), *window, size) == (0.0, 0.0)
+    assert marks.photo_pixel((300.0, 275.0), *window, size) == pytest.approx((400.0, 450.0))
+    assert marks.photo_pixel((900.0, 50.0), *window, size) == (1600.0, 900.0)
+    for beside in ((99.0, 275.0), (300.0, 501.0), (901.0, 60.0)):
+        assert marks.photo_pixel(beside, *window, size) is None
+    assert marks.photo_pixel((1.0, 1.0), (0.0, 0.0), (0.0, 0.0), size) is None
+
+
+def test_every_kind_of_mark_is_one_that_the_command_reads(unpacked: str) -> None:
+    marks = importlib.import_module(f"{unpacked}.marks")
+    found = set()
+    for name, kind in marks.KINDS.items():
+        points = [(10.0 + 50 * number, 20.04) for number in range(len(kind.clicks))]
+        mark = read_shadow(marks.mark_text(name, points))
+        assert marked_points(mark) == [(x, 20.0) for x, _ in points]
+        found.add((type(mark), getattr(mark, "is_head", None)))
+    kinds = [(type(read_shadow(text)), None) for text in ("1,2,3,9", "line:1,2,3,9", "lit:1,2,3,9")]
+    assert found == {*kinds, (OwnShadow, False), (OwnShadow, True)}
+
+
+def test_the_answer_says_its_trust_in_a_line_and_its_suns_on_buttons(unpacked: str) -> None:
+    trust = importlib.import_module(f"{unpacked}.trust")
+    suns = (SunCandidate(-40.0, 35.0, 0.6), SunCandidate(120.4, 25.0, 0.31))
+    unsure = Lighting(-40.0, 35.0, 3.0, 2.0, radius_50=30.0, radius_90=80.0, sun_candidates=suns)
+    record = json.dumps(unsure.to_dict())
+    assert trust.trust_line(record) == "The sun is unsure: draw a shadow or pick a sun"
+    assert trust.sun_labels(record) == ["40° left, 35° high (60 %)", "120° right (behind), 25° high (31 %)"]
+    assert trust.sun_labels(json.dumps(replace(unsure, sun_candidates=suns[:1]).to_dict())) == []
+    lines = {trust.trust_line(json.dumps(replace(unsure, **change).to_dict())) for change in _OTHER_TRUST}
+    assert lines == {"The sun is sure", "No sun is seen: set one by eye if you want"}
+
+
+_OTHER_TRUST: tuple[dict[str, Any], ...] = ({"radius_90": 20.0}, {"sun_visibility": 0.1})
 
 
 @pytest.mark.slow
@@ -216,7 +341,16 @@ class _Service(BaseHTTPRequestHandler):
     """Answers with what the test wants, and remembers what it was asked."""
 
     answer: tuple[int, bytes, dict[str, str]]
+    answers: dict[str, bytes | None]  # to GET, by path; None: it is not ready
     received: dict[str, Any]
+
+    def do_GET(self) -> None:
+        data = self.answers.get(self.path)
+        if self.path == "/v1/model":
+            type(self).received = {name.lower(): value for name, value in self.headers.items()}
+        self.send_response(503 if data is None else 200)
+        self.end_headers()
+        self.wfile.write(data or b"{}")
 
     def do_POST(self) -> None:
         body = self.rfile.read(int(self.headers["Content-Length"]))
@@ -251,6 +385,12 @@ def test_a_service_gets_photo_and_key_and_fills_the_folder(
     assert _Service.received["body"] == b"a photo"
     assert _Service.received["content-type"] == "image/png"
     assert _Service.received["authorization"] == "Bearer secret"
+    answers.from_service(address, "", photo, tmp_path / "out", answers.Stated(("1,2,3,40", "own:5,6"), pick=2))
+    assert parse_qs(urlsplit(_Service.received["path"]).query) == {
+        "for": ["blender"],
+        "shadow": ["1,2,3,40;own:5,6"],
+        "pick": ["2"],
+    }
 
 
 def _zip(**files: bytes) -> bytes:
@@ -347,7 +487,7 @@ def test_the_photos_that_are_offered_are_those_that_the_command_reads(answers: A
 def test_in_blender(package: Path, tmp_path: Path) -> None:
     program = tmp_path / "lighting"
     program.write_text(
-        f'#!/bin/sh\nPYTHONPATH="{ROOT}" "{sys.executable}" -m lighting "$@" || exit\n'
+        f'#!/bin/sh\nPYTHONPATH="{ROOT}" "{sys.executable}" -m lighting "$@" || exit\n[ "$1" = scene ] || exit 0\n'
         'sed -i \'s/"spot_in_shade": false/"spot_in_shade": true/\' "$6/scene.json"\n'
     )
     program.chmod(0o755)
@@ -363,11 +503,20 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
 def test_in_blender_52(package: Path) -> None:
     """The command's answer is made out here, where its packages are."""
     with folder_in_chroot() as folder:
-        photo = read_photo((ROOT / "examples" / "wide_street.jpg").read_bytes(), target=480)
-        scene = make_scene(photo, Estimator()(photo).lighting, map_height=512)
-        write_scene(replace(scene, lit_ground=np.zeros_like(scene.lit_ground)), "blender", folder / "answer")
+        data, estimator = (ROOT / "examples" / "wide_street.jpg").read_bytes(), Estimator()
+        photo = read_photo(data, target=480)
+        answer, drawn = estimator(photo), estimator(photo, UserInput(shadows=[SHADOW]))
+        lights = {"none": answer.lighting, "shadow": drawn.lighting}
+        for name, light in (lights | {"pick": adjust_lighting(answer.lighting, Adjustments(pick=2))}).items():
+            scene = make_scene(photo, light, map_height=512)
+            write_scene(replace(scene, lit_ground=np.zeros_like(scene.lit_ground)), "blender", folder / name)
         program = folder / "lighting"
-        program.write_text('#!/bin/sh\ncp "$(dirname "$0")"/answer/* "$6"\n')
+        program.write_text(
+            '#!/bin/sh\ncase "$*" in\n--version) echo lighting, version 0.3.0; exit;;\n'
+            "*1,2,3*) echo \"Error: '1,2,3' is no shadow\" >&2; exit 2;;\n"
+            "*--shadow*) answer=shadow;;\n*--pick*) answer=pick;;\n*) answer=none;;\nesac\n"
+            'cp "$(dirname "$0")/$answer"/* "$6"\n'
+        )
         program.chmod(0o755)
         for path in (package, ROOT / "tests" / "blender" / "try_extension.py", ROOT / "examples" / "wide_street.jpg"):
             shutil.copy(path, folder)
@@ -413,6 +562,19 @@ def check_report(printed: str) -> dict[str, Any]:
     assert "Warning: Your object is in the photo's shade: the sun lights only the ground." in printed
     assert "Warning: The scene has light that the photo has not; delete it: Light.\n" in printed
     assert "World" in report["worlds"]  # the artist's own
+    known, sun = report["known"], report["record"]["sun"]
+    assert known["photo size"] == [800, 450]
+    assert known["drawn"] == ["FINISHED"]
+    assert known["drawn record"]["evidence"] == ["pixels", "shadow"]
+    assert known["drawn record"]["sun"] != sun
+    assert known["marks"] == [SHADOW] * 2  # what is refused is not kept
+    assert "'1,2,3' is no shadow" in known["refused"]
+    assert known["forgotten"] == [["FINISHED"], "", sun]
+    second = sun["candidates"][1]
+    assert known["picked"][:2] == pytest.approx([second["azimuth"], second["elevation"]], abs=0.01)
+    assert known["picked"][2:] == [2, True]
+    assert known["first again"] == sun
+    assert known["turned"] == pytest.approx([-30.0, 20.0, 1, True])
     assert report["reopened"]["sliders"][0] == 12.0
     assert report["reopened"]["image"].startswith("Sky of the sliders")
     return report
