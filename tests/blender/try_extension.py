@@ -89,7 +89,8 @@ def known(scene: Any) -> dict[str, Any]:
     paint, sliders._painted = sliders._painted, lambda *given: painted.append(given) or paint(*given)
     sliders.turn_sun(settings, -30.0, 20.0)
     sliders._painted = paint
-    registered = hasattr(bpy.types, gizmo.LIGHTFROMPHOTO_GGT_sun.bl_idname)
+    group = gizmo.LIGHTFROMPHOTO_GGT_sun
+    registered = bpy.types.GizmoGroup.bl_rna_get_subclass_py(group.bl_idname) is group
     found["turned"] = [settings.sun_azimuth, settings.sun_elevation, len(painted), registered]
     buttons.reset()
     return found
