@@ -32,7 +32,7 @@ class LIGHTFROMPHOTO_OT_shadow(bpy.types.Operator):
     def poll(cls, context: Any) -> bool:
         """Only where a photo was picked and its camera is left."""
         settings = context.scene.light_from_photo
-        return settings.world is not None and settings.camera is not None
+        return settings.world is not None and bool(settings.camera and settings.camera.data.background_images)
 
     def invoke(self, context: Any, _event: Any) -> set[str]:
         """Look through the camera and wait for clicks."""
@@ -42,6 +42,9 @@ class LIGHTFROMPHOTO_OT_shadow(bpy.types.Operator):
         space = context.space_data
         context.scene.camera = context.scene.light_from_photo.camera
         space.region_3d.view_perspective = "CAMERA"
+        self._plate = context.scene.camera.data.background_images[0]
+        self._shown = self._plate.display_depth, self._plate.alpha
+        self._plate.display_depth, self._plate.alpha = "FRONT", 1.0  # else the ground hides the photo's shadows
         self._clicks: list[Point] = []
         self._region = next(region for region in context.area.regions if region.type == "WINDOW")
         self._view, self._mouse = space.region_3d, None
@@ -88,6 +91,7 @@ class LIGHTFROMPHOTO_OT_shadow(bpy.types.Operator):
     def _end(self, context: Any, answer: set[str]) -> set[str]:
         bpy.types.SpaceView3D.draw_handler_remove(self._drawing, "WINDOW")
         context.workspace.status_text_set(None)
+        self._plate.display_depth, self._plate.alpha = self._shown
         return answer
 
     def _draw(self) -> None:
