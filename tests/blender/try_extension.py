@@ -9,6 +9,7 @@ import sys
 import zipfile
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import bpy
 
@@ -85,13 +86,11 @@ def known(scene: Any) -> dict[str, Any]:
     buttons.pick(number=1)
     found["first again"] = json.loads(settings.record)["sun"]
     sliders, gizmo = sys.modules[f"{NAME}.sliders"], sys.modules[f"{NAME}.gizmo"]
-    painted: list[Any] = []
-    paint, sliders._painted = sliders._painted, lambda *given: painted.append(given) or paint(*given)
-    sliders.turn_sun(settings, -30.0, 20.0)
-    sliders._painted = paint
+    with mock.patch.object(sliders, "_painted", wraps=sliders._painted) as painted:
+        sliders.turn_sun(settings, -30.0, 20.0)
     group = gizmo.LIGHTFROMPHOTO_GGT_sun
     registered = bpy.types.GizmoGroup.bl_rna_get_subclass_py(group.bl_idname) is group
-    found["turned"] = [settings.sun_azimuth, settings.sun_elevation, len(painted), registered]
+    found["turned"] = [settings.sun_azimuth, settings.sun_elevation, painted.call_count, registered]
     buttons.reset()
     return found
 

@@ -59,7 +59,8 @@ def test_the_script_reads_what_is_written(folder: Path, numbers: dict[str, Any])
         and node.value.id == "numbers"
     }
     groups = [numbers, *(value for value in numbers.values() if isinstance(value, dict)), numbers["sky"]["native"]]
-    assert read == {key for group in groups for key in group}
+    of_extension = {"photo_size"}
+    assert read | of_extension == {key for group in groups for key in group}
 
 
 def test_z_is_up_and_the_camera_looks_along_y(numbers: dict[str, Any]) -> None:
