@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
@@ -243,6 +244,7 @@ def read_luminance(file: Path) -> NDArray[np.float64]:
         "metadata",
         "undo",
         "tools",
+        "project",
         "object",
         "downloads",
         "several",
@@ -442,6 +444,43 @@ class TestTools:
 
     def test_a_thing_of_known_size_is_stated(self, seen: Seen) -> None:
         assert seen["size"] == [["Size \N{MULTIPLICATION SIGN}"], True]
+
+
+class TestProject:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("project")
+
+    def test_it_holds_the_edits_and_the_checksum(self, seen: Seen, folder: Path) -> None:
+        assert seen["name"] == "brick_street.project.json"
+        project = json.loads((folder / "street.project.json").read_text())
+        assert project["photo"] == {
+            "name": STREET.name,
+            "bytes": STREET.stat().st_size,
+            "crc32": zlib.crc32(STREET.read_bytes()),
+        }
+        assert project["user_input"] == {"camera_height": "3"}
+        assert project["edits"]["parameters"]["sun_azimuth"] == -180
+
+    def test_it_opens_on_its_photo_now_or_when_that_comes(self, seen: Seen) -> None:
+        assert seen["azimuths"] == ["-180"] * 3
+
+    def test_another_photo_or_file_is_refused_with_a_sentence(self, seen: Seen) -> None:
+        another, no_project = seen["refused"]
+        rest = "and this is another photo. Choose brick_street.jpg to see them."
+        assert another == f"That did not work. These edits are of brick_street.jpg, {rest}"
+        assert no_project == "That did not work. This is no project that was saved here, or it was damaged."
+
+    def test_a_link_opens_its_example_and_is_never_sent(self, seen: Seen) -> None:
+        said, link = seen["copied"]
+        assert said == "The link is copied. It holds your edits, not the photo."
+        assert "#edits/" in link
+        assert seen["followed"] == ["brick_street.jpg", "3"]
+        assert seen["sent"] == []
+
+    def test_answers_are_undone_and_redone_without_asking_again(self, seen: Seen) -> None:
+        assert seen["restated"] == ["3", "3", "", "3", "3"]
+        assert seen["asked"] == []
 
 
 class TestUndo:

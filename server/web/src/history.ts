@@ -57,6 +57,11 @@ export class History<State> {
     return this.now;
   }
 
+  /** Forgets what was undone. */
+  dropRedo(): void {
+    this.future = [];
+  }
+
   redo(): State {
     const after = this.future.pop();
     if (after !== undefined) {
@@ -68,23 +73,19 @@ export class History<State> {
   }
 }
 
-/**
- * `history` gives the one that counts now; `changed` is called after each step, `exhausted` where none is left to undo.
- * Must be called once.
- */
-export function listenForUndo<State>(
-  history: () => History<State> | undefined,
-  changed: () => void,
-  exhausted: () => void,
-): void {
+/** A history, and what shows the state that it steps to. */
+export interface Undoable {
+  history: Pick<History<unknown>, "canUndo" | "canRedo" | "undo" | "redo">;
+  show: () => void;
+}
+
+/** `undoables` gives those that count now; the first one that can makes the step. Must be called once. */
+export function listenForUndo(undoables: () => Undoable[]): void {
   listenForGestures();
   const step = (kind: "undo" | "redo"): void => {
-    const now = history();
-    if (kind === "undo" && !now?.canUndo) exhausted();
-    else {
-      now?.[kind]();
-      changed();
-    }
+    const able = undoables().find(({ history }) => (kind === "undo" ? history.canUndo : history.canRedo));
+    able?.history[kind]();
+    able?.show();
   };
   byId("undo").addEventListener("click", () => step("undo"));
   byId("redo").addEventListener("click", () => step("redo"));
@@ -97,10 +98,10 @@ export function listenForUndo<State>(
   });
 }
 
-/** Whether the buttons do anything; `more` says whether something before the history can be undone, too. */
-export function showUndo<State>(history: History<State>, more: boolean): void {
-  byId<HTMLButtonElement>("undo").disabled = !history.canUndo && !more;
-  byId<HTMLButtonElement>("redo").disabled = !history.canRedo;
+/** Whether the buttons do anything. */
+export function showUndo(undoables: Undoable[]): void {
+  byId<HTMLButtonElement>("undo").disabled = !undoables.some(({ history }) => history.canUndo);
+  byId<HTMLButtonElement>("redo").disabled = !undoables.some(({ history }) => history.canRedo);
 }
 
 /** Whether keys go into a text: it has an undo of its own. */

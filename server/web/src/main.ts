@@ -2,8 +2,9 @@
 
 import { debounceLatest, estimatePhotos, type LightParameters, modelInfo, ServiceError, storeKey } from "./api";
 import { byId, fitDrawing } from "./dom";
+import { EXAMPLES } from "./examples";
 import type { Angles } from "./geometry/angles";
-import { currentGesture, listenForUndo, showUndo } from "./history";
+import { currentGesture, History, listenForUndo, showUndo, type Undoable } from "./history";
 import {
   aspectRatio,
   type DecodedPhoto,
@@ -11,6 +12,7 @@ import {
   loadGroundMask,
   type PhotoSource,
   preparePhoto,
+  sourceFromExample,
   sourceInMemory,
 } from "./photo";
 import { SkyClient } from "./sky/client";
@@ -28,9 +30,18 @@ import {
 } from "./state";
 import { buildHeadline } from "./text/format";
 import { NO_USER_INPUT, type UserInput } from "./text/metadata";
+import {
+  identifyPhoto,
+  isSamePhoto,
+  type PhotoIdentity,
+  type Project,
+  projectInput,
+  projectOfFragment,
+  readProject,
+} from "./text/project";
 import { Candidates } from "./views/candidates";
 import { Dome } from "./views/dome";
-import { Downloads, hideSnippet, offerPreview } from "./views/downloads";
+import { Downloads, hideSnippet, offerForOne } from "./views/downloads";
 import { EnvmapView } from "./views/envmap";
 import { listenForLocation } from "./views/location";
 import { drawMapMarkers, drawPhotoMarkers, SunHandle } from "./views/markers";
@@ -43,12 +54,14 @@ import { listenForUploads, showMatching, showPhotos } from "./views/upload";
 interface EstimateRequest {
   sources: PhotoSource[];
   userInput: UserInput;
+  before?: Session; // the answer on show, of the same photos
 }
 
-let session: Session | undefined;
+let answers: History<Session> | undefined; // about the photos on show
 let lastRequest: EstimateRequest | undefined;
 let lastQuestion: [PhotoView, string] | undefined; // whose light was asked for last, and which
-const earlierInputs: UserInput[] = []; // of the photos on show, the latest last
+let awaited: Project | undefined; // whose photo has not come yet
+let answerCount = 0; // each answer is a step of its own
 let lastLight = ""; // the photo and the light that were shown last
 
 const result = byId("result");
@@ -66,9 +79,7 @@ const tools = new Tools({
 });
 const downloads = new Downloads(settleLight, showError);
 const object = new ObjectView(editState, showError, requestMap);
-const metadata = new MetadataView(
-  (userInput) => session && submitPhotos(photoFiles(session).map(sourceInMemory), userInput),
-);
+const metadata = new MetadataView(restate);
 const envmap = new EnvmapView(() => object.isDrawn, showExported);
 const sky = new SkyClient(showLight, showError);
 const debouncedEstimate = debounceLatest<EstimateRequest>(runEstimate, 0, failRequest);
@@ -83,16 +94,16 @@ const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height
   return drawMapMarkers(view.estimate, currentState(view).parameters, aspectRatio(view.photo), width, height);
 });
 
-listenForUploads(
-  (sources) => {
-    earlierInputs.length = 0;
-    submitPhotos(sources, NO_USER_INPUT);
-  },
+listenForUploads({
+  takePhotos: (sources) => submitPhotos({ sources, userInput: NO_USER_INPUT }),
   takeModel,
-  showError,
-);
+  takeProject: (file) => file.text().then((text) => openProject(() => readProject(text))),
+  onError: showError,
+});
+openLink();
+addEventListener("hashchange", openLink);
 listenForLocation();
-listenForUndo(() => currentView()?.history, refresh, unstate);
+listenForUndo(undoables);
 listenForKey();
 watchViewer();
 byId("unfold").addEventListener("click", () => foldResult(false));
@@ -105,7 +116,18 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dome
 void offerByService();
 
 function currentView(): PhotoView | undefined {
+  const session = answers?.state;
   return session?.views[session.index];
+}
+
+/** What can be undone: what was done to light and object since the answer on show, then the answer itself. */
+function undoables(): Undoable[] {
+  const view = currentView();
+  if (!view || !answers) return [];
+  return [
+    { history: view.history, show: refresh },
+    { history: answers, show: showAnswer },
+  ];
 }
 
 /** Keeps the API key that the user types, and asks once more what was refused without it. */
@@ -114,7 +136,7 @@ function listenForKey(): void {
     event.preventDefault();
     const stored = storeKey(byId<HTMLInputElement>("key").value);
     byId("key-note").hidden = stored;
-    if (stored && lastRequest) submitPhotos(lastRequest.sources, lastRequest.userInput);
+    if (stored && lastRequest) submitPhotos(lastRequest);
   });
 }
 
@@ -127,27 +149,50 @@ async function offerByService(): Promise<void> {
   downloads.offer(info);
 }
 
-function submitPhotos(sources: PhotoSource[], userInput: UserInput): void {
-  lastRequest = { sources, userInput };
-  status.textContent = `Looking at ${sources.map(({ name }) => name).join(", ")}…`;
+function submitPhotos(request: EstimateRequest): void {
+  lastRequest = request;
+  status.textContent = `Looking at ${request.sources.map(({ name }) => name).join(", ")}…`;
   clearErrors();
   setBusy(true);
   sky.start();
-  debouncedEstimate(lastRequest);
+  debouncedEstimate(request);
 }
 
 /** Asks again about the photos on show, with what is known of them; that can be undone. */
 function restate(userInput: UserInput): void {
-  if (!session) return;
-  const before = currentView()?.userInput;
-  if (before) earlierInputs.push(before);
-  submitPhotos(photoFiles(session).map(sourceInMemory), userInput);
+  const before = answers?.state;
+  if (before) submitPhotos({ sources: photoFiles(before).map(sourceInMemory), userInput, before });
 }
 
-/** Takes back what was last stated of the photo, where no change of its light is left to undo. */
-function unstate(): void {
-  const before = earlierInputs.pop();
-  if (session && before) submitPhotos(photoFiles(session).map(sourceInMemory), before);
+function openLink(): void {
+  openProject(() => projectOfFragment(location.hash));
+}
+
+/** Opens a project on the photo on show, on an example, or on the photo that comes next. */
+async function openProject(read: () => Project | undefined): Promise<void> {
+  try {
+    awaited = read() ?? awaited;
+  } catch (error) {
+    showError(error);
+  }
+  if (!awaited) return;
+  clearErrors();
+  const [shown, ...others] = answers ? photoFiles(answers.state) : [];
+  const { photo } = awaited;
+  const example = EXAMPLES.find(({ name }) => name === photo.name);
+  if (shown && others.length === 0 && isSamePhoto(await identifyPhoto(shown), photo)) restate(NO_USER_INPUT);
+  else if (shown) showError(anotherPhoto(photo));
+  else if (example) submitPhotos({ sources: [sourceFromExample(example.name, example.url)], userInput: NO_USER_INPUT });
+  else status.textContent = `These edits are of ${photo.name}. Choose that photo, and they are here again.`;
+}
+
+const anotherPhoto = ({ name }: PhotoIdentity): Error =>
+  new Error(`These edits are of ${name}, and this is another photo. Choose ${name} to see them.`);
+
+/** Whether the project that is awaited is of these photos. */
+async function isAwaited([photo, ...others]: File[]): Promise<boolean> {
+  if (!awaited || !photo || others.length > 0) return false;
+  return isSamePhoto(await identifyPhoto(photo), awaited.photo);
 }
 
 function takeModel(model: File): void {
@@ -161,37 +206,53 @@ function setBusy(busy: boolean): void {
   document.body.toggleAttribute("data-busy", busy);
 }
 
-async function runEstimate({ sources, userInput }: EstimateRequest, signal: AbortSignal): Promise<void> {
+async function runEstimate(request: EstimateRequest, signal: AbortSignal): Promise<void> {
+  const { sources, before } = request;
   const files = await Promise.all(sources.map(({ load }) => load(signal)));
+  const project = (await isAwaited(files)) ? awaited : undefined;
+  const userInput = project ? projectInput(project) : request.userInput;
   const startTime = performance.now();
-  const decoding = Promise.all(files.map((file) => decodePhoto(file, signal)));
+  const decoding = before ? Promise.resolve([]) : Promise.all(files.map((file) => decodePhoto(file, signal)));
   decoding.catch(() => {}); // thrown below: the service's error comes first, for it names the photo
   const estimates = await estimatePhotos(files, userInput, signal);
   const decoded = await decoding;
   const views = await Promise.all(
     estimates.map(async (estimate, i) => {
-      const photo = await preparePhoto(decoded[i] as DecodedPhoto, estimate, signal);
-      return createView(photo, estimate, userInput, files.length > 1);
+      const earlier = before?.views[i];
+      const photo = earlier?.photo ?? (await preparePhoto(decoded[i] as DecodedPhoto, estimate, signal));
+      return createView(photo, estimate, userInput, files.length > 1, earlier);
     }),
   );
   if (signal.aborted) return;
-  showSession({ views, index: 0 });
+  showSession({ views, index: before?.index ?? 0 }, before);
+  if (project) editState(project.edits, "project");
+  else if (awaited && !before) showError(anotherPhoto(awaited.photo));
+  if (project === awaited) awaited = undefined;
   const seconds = ((performance.now() - startTime) / 1000).toFixed(1);
   const note = views.some(({ photo }) => photo.byService) ? " The service decoded it for this browser." : "";
   status.textContent = `${files.map(({ name }) => name).join(", ")}: answered in ${seconds} s.${note}`;
   await Promise.all(views.map((view) => showGround(view, signal)));
 }
 
-/** Shows the photos of an answer in place of those before. */
-function showSession(answered: Session): void {
-  for (const { photo } of session?.views ?? []) URL.revokeObjectURL(photo.url);
-  session = answered;
+/** Shows an answer: another one about the photos on show, which can be undone, or one about other photos. */
+function showSession(answered: Session, before: Session | undefined): void {
+  if (before && answers) {
+    for (const { history } of answers.state.views) history.dropRedo();
+    answers.push(answered, "answer", ++answerCount);
+  } else {
+    for (const { photo } of answers?.state.views ?? []) URL.revokeObjectURL(photo.url);
+    answers = new History(answered);
+  }
   clearErrors();
   document.body.toggleAttribute("data-answered", true);
   result.hidden = false;
   setBusy(false);
   void offerByService();
-  showPhoto(0);
+  showAnswer();
+}
+
+function showAnswer(): void {
+  if (answers) showPhoto(answers.state.index);
 }
 
 /** Where the photo's ground lies in the sun, once the service has said it. */
@@ -202,6 +263,7 @@ async function showGround(view: PhotoView, signal: AbortSignal): Promise<void> {
 
 /** Shows one of the photos. */
 function showPhoto(index: number): void {
+  const session = answers?.state;
   if (!session) return;
   session.index = index;
   const view = session.views[index];
@@ -261,6 +323,7 @@ function editState(part: Partial<EditState>, kind: string): void {
   if (!view) return;
   clearErrors();
   view.history.push({ ...currentState(view), ...part }, kind, currentGesture());
+  answers?.dropRedo();
   refresh();
 }
 
@@ -273,8 +336,8 @@ function refresh(): void {
   showSliders(view);
   sunHandle.show(view.estimate.camera, state.parameters);
   byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
-  showUndo(view.history, earlierInputs.length > 0);
-  offerPreview(view);
+  showUndo(undoables());
+  offerForOne(view);
   dome.mark(state.parameters);
   candidates.mark(state.parameters);
   drawPhotoMarks();
@@ -305,7 +368,7 @@ function showLight({ light, picture }: SkyAnswer): void {
 
 /** How often the light on show has changed, for tests. */
 function countLight(view: PhotoView): void {
-  const light = JSON.stringify([view.photo.url, currentState(view).parameters]);
+  const light = JSON.stringify([view.photo.url, view.userInput, currentState(view).parameters]);
   const { dataset } = byId("envmap");
   if (light !== lastLight) dataset.lights = String(Number(dataset.lights ?? 0) + 1);
   lastLight = light;
@@ -352,7 +415,7 @@ function showError(error: unknown): void {
   box.replaceChildren(Object.assign(document.createElement("strong"), { textContent: `${title}.` }), ` ${message}`);
   box.hidden = false;
   byId("key-form").hidden = !(error instanceof ServiceError && [401, 403].includes(error.status));
-  const fileNames = session && photoFiles(session).map(({ name }) => name);
+  const fileNames = answers && photoFiles(answers.state).map(({ name }) => name);
   byId("previous-answer").textContent = fileNames ? `Below is still the answer for ${fileNames.join(", ")}.` : ""; // not for what was refused
   byId("previous-answer").hidden = !fileNames || document.body.hasAttribute("data-busy");
 }

@@ -2,7 +2,14 @@
 
 import type { EditedLighting, Estimate, Irradiances, Lighting, LightOverrides, LightParameters } from "./api";
 import { direction } from "./geometry/angles";
-import { type GroundMask, initialPlacement, type Placement, SUNLIT } from "./geometry/placement";
+import {
+  footPoint,
+  type GroundMask,
+  initialPlacement,
+  movePlacement,
+  type Placement,
+  SUNLIT,
+} from "./geometry/placement";
 import { History } from "./history";
 import { aspectRatio, type Photo } from "./photo";
 import { coverOf, type SkyRequest } from "./sky/lighting";
@@ -50,21 +57,38 @@ export interface Session {
   index: number;
 }
 
-export function createView(photo: Photo, estimate: Estimate, userInput: UserInput, together: boolean): PhotoView {
-  const { camera, ground } = estimate;
-  const placement = initialPlacement(camera, aspectRatio(photo), ground?.spot?.direction ?? null);
+const UNTOUCHED = { shape: "sphere", finish: "mirror", inSun: false } as const;
+
+/** A photo with its answer; what was done to the object stays from `before`, an earlier answer about the photo. */
+export function createView(
+  photo: Photo,
+  estimate: Estimate,
+  userInput: UserInput,
+  together: boolean,
+  before?: PhotoView,
+): PhotoView {
   const initial: EditState = {
+    ...(before ? currentState(before) : UNTOUCHED),
     parameters: parametersFromRecord(estimate),
-    placement,
-    shape: "sphere",
-    finish: "mirror",
-    inSun: false,
+    placement: (before && keptPlacement(before, estimate)) ?? placementOf(estimate, photo),
   };
   return {
     ...{ photo, userInput, together, estimate, history: new History(initial) },
     irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] },
     groundMask: SUNLIT,
   };
+}
+
+const placementOf = ({ camera, ground }: Estimate, photo: Photo): Placement =>
+  initialPlacement(camera, aspectRatio(photo), ground?.spot?.direction ?? null);
+
+/** The object where the user put it in the photo, seen by another camera; null where it was left, or has no ground there. */
+function keptPlacement(before: PhotoView, { camera }: Estimate): Placement | null {
+  const { placement } = currentState(before);
+  if (JSON.stringify(placement) === JSON.stringify(placementOf(before.estimate, before.photo))) return null;
+  const aspect = aspectRatio(before.photo);
+  const foot = footPoint(placement, before.estimate.camera, aspect);
+  return foot && movePlacement(placement, camera, aspect, foot);
 }
 
 export const photoFiles = ({ views }: Session): File[] => views.map(({ photo }) => photo.file);

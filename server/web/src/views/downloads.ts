@@ -3,6 +3,7 @@
 import { type Adjustments, apiKey, fetchEnvmap, fetchPreview, fetchScene, type ModelInfo } from "../api";
 import { byId, createElement } from "../dom";
 import { buildRecord, currentState, isChanged, isToned, lightOverrides, type PhotoView } from "../state";
+import { buildProject, identifyPhoto, type Project, projectLink } from "../text/project";
 import { type SnippetInput, writeCurl, writePython } from "../text/snippets";
 
 type FetchFile = (view: PhotoView) => Promise<Blob>;
@@ -35,6 +36,8 @@ export class Downloads {
     private readonly onError: (error: unknown) => void,
   ) {
     this.listen(byId("get-json"), () => ({ suffix: ".json", fetchFile: createRecordFile }));
+    this.listen(byId("save-project"), () => ({ suffix: ".project.json", fetchFile: createProjectFile }));
+    byId("copy-link").addEventListener("click", () => this.copyLink());
     this.listen(byId("get-preview"), () => ({
       suffix: "-preview.png",
       fetchFile: (view) => fetchPreview(view.photo.file, view.userInput, adjustmentsOf(view)),
@@ -70,7 +73,18 @@ export class Downloads {
 
   private async copy(kind: SnippetKind): Promise<void> {
     const view = await this.settle();
-    if (view) copySnippet(SNIPPETS[kind](snippetInput(view)), kind);
+    if (view) copySnippet(SNIPPETS[kind](snippetInput(view)), SNIPPET_NAMES[kind]);
+  }
+
+  private async copyLink(): Promise<void> {
+    const view = await this.settle();
+    if (!view) return;
+    const link = projectLink(await projectOf(view), location.href);
+    copySnippet(
+      link,
+      "The link",
+      `It holds your edits${view.userInput.latitude ? " and the place" : ""}, not the photo.`,
+    );
   }
 
   private listen(button: HTMLElement, target: () => Pick<Target, "suffix" | "fetchFile"> | undefined): void {
@@ -127,12 +141,20 @@ function adjustmentsOf(view: PhotoView): Adjustments | undefined {
   };
 }
 
-/** The preview is of one photo alone, whose sun has the estimate's color and softness. */
-export function offerPreview(view: PhotoView): void {
+/** What goes with one photo alone: the preview, and the project. The preview is of one whose sun has the estimate's color and softness. */
+export function offerForOne(view: PhotoView): void {
   const note = view.together ? TOGETHER_NOTE : isToned(currentState(view).parameters) ? TONED_NOTE : "";
   byId<HTMLButtonElement>("get-preview").disabled = note !== "";
   byId("preview-note").hidden = note === "";
   byId("preview-note").textContent = note;
+  for (const id of ["save-project", "copy-link"]) byId<HTMLButtonElement>(id).disabled = view.together;
+}
+
+const projectOf = async (view: PhotoView): Promise<Project> =>
+  buildProject(await identifyPhoto(view.photo.file), view.userInput, currentState(view));
+
+async function createProjectFile(view: PhotoView): Promise<Blob> {
+  return new Blob([JSON.stringify(await projectOf(view), null, 1)], { type: "application/json" });
 }
 
 async function createRecordFile(view: PhotoView): Promise<Blob> {
@@ -147,6 +169,7 @@ function saveFile(blob: Blob, name: string): void {
 }
 
 const SNIPPETS = { curl: writeCurl, python: writePython } as const;
+const SNIPPET_NAMES = { curl: "The curl command", python: "The Python program" } as const;
 type SnippetKind = keyof typeof SNIPPETS;
 
 const snippetInput = (view: PhotoView): SnippetInput => ({
@@ -163,16 +186,16 @@ export function hideSnippet(): void {
   byId("snippet-box").hidden = true;
 }
 
-async function copySnippet(text: string, kind: SnippetKind): Promise<void> {
+/** Copies a text, and says so by its name, with what else is to be known. */
+async function copySnippet(text: string, name: string, note = ""): Promise<void> {
   const box = byId<HTMLTextAreaElement>("snippet");
   box.value = text;
   byId("snippet-box").hidden = false;
-  const name = kind === "curl" ? "The curl command" : "The Python program";
   try {
     await navigator.clipboard.writeText(text);
-    byId("copied").textContent = `${name} is copied.`;
+    byId("copied").textContent = `${name} is copied. ${note}`.trim();
   } catch {
     box.select();
-    byId("copied").textContent = `${name} is selected: press Ctrl+C.`;
+    byId("copied").textContent = `${name} is selected: press Ctrl+C. ${note}`.trim();
   }
 }

@@ -7,34 +7,40 @@ import type { Session } from "../state";
 import { describeRotation, formatAzimuth, formatMatching, formatRotation } from "../text/format";
 
 const MODEL = /\.(glb|gltf)$/i;
+const PROJECT = /\.json$/i;
 
 const TEXT_FIELDS = "input:not([type=file], [type=range], [type=radio], [type=checkbox]), textarea"; // for text
 
 type TakePhotos = (photos: PhotoSource[]) => void;
 
-/** `takePhotos` gets photos, `takeModel` an object of the user's own, `onError` what is wrong with the rest. */
-export function listenForUploads(
-  takePhotos: TakePhotos,
-  takeModel: (file: File) => void,
-  onError: (error: Error) => void,
-): void {
-  const accept = (files: Iterable<File> | null | undefined): void => {
+/** What becomes of what comes in. */
+interface Receivers {
+  takePhotos: TakePhotos;
+  takeModel: (file: File) => void; // an object of the user's own
+  takeProject: (file: File) => Promise<void>;
+  onError: (error: Error) => void; // what is wrong with the rest
+}
+
+export function listenForUploads({ takePhotos, takeModel, takeProject, onError }: Receivers): void {
+  const accept = async (files: Iterable<File> | null | undefined): Promise<void> => {
     const all = [...(files ?? [])];
     const own = all.find(({ name }) => MODEL.test(name));
-    const photos = all.filter(({ name }) => !MODEL.test(name));
+    const project = all.find(({ name }) => PROJECT.test(name));
+    const photos = all.filter(({ name }) => !MODEL.test(name) && !PROJECT.test(name));
     if (own) takeModel(own);
+    if (project) await takeProject(project);
     if (photos.length) takePhotos(photos.map(sourceFromFile));
   };
-  for (const id of ["file", "model-file"]) {
+  for (const id of ["file", "model-file", "project-file"]) {
     const chooser = byId<HTMLInputElement>(id);
     chooser.addEventListener("change", () => {
-      accept(chooser.files);
+      void accept([...(chooser.files ?? [])]);
       chooser.value = ""; // so that the same file can be chosen again
     });
   }
   const receive = (data: DataTransfer | null, how: string): void => {
     const dragged = EXAMPLES.find(({ thumb }) => new URL(thumb, location.href).href === data?.getData("text/uri-list"));
-    if (data?.files.length) accept(data.files);
+    if (data?.files.length) void accept([...data.files]);
     else if (dragged) takePhotos([sourceFromExample(dragged.name, dragged.url)]);
     else onError(new Error(`What you ${how} is no file. Save the photo, then choose or drop the file.`));
   };
