@@ -135,7 +135,7 @@ class ModelSpec:
     name: str
     """Name of the network."""
     version: str
-    """Version of the network, such as 3.0.0."""
+    """Version of the network, such as 4.0.0."""
     width: int
     """Columns of the input, pixels, 1 or more."""
     height: int
@@ -304,7 +304,7 @@ class Lighting:
     model_name: str = "none"
     """Name of the network; "none" where no network said it."""
     model_version: str = "0"
-    """Version of the network, such as 3.0.0."""
+    """Version of the network, such as 4.0.0."""
     evidence: tuple[str, ...] = ()
     """What the answer rests on: values of EvidenceKind, in its order."""
     warnings: tuple[str, ...] = ()

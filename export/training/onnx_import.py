@@ -72,6 +72,10 @@ def _read_onnx_network(file: Path, number: int) -> tuple[Outdoor, dict[str, str]
     if number >= len(prefixes):
         raise DataError(f"{file} holds no network number {number}.")
     prefix = prefixes[number]
+    if any(name.startswith(f"{prefix}trunk.") for name in tensors):
+        raise DataError(
+            f"Network number {number} of {file} is a transformer, which the file holds too coarsely to learn."
+        )
     bins, surroundings = (any(t.startswith(f"{prefix}{head}.") for t in tensors) for head in ("camera", "around"))
     network = build_network(spec, has_camera_bins=bins, has_surroundings=surroundings)
     assert isinstance(network, Outdoor)
@@ -135,7 +139,8 @@ def _find_tensor(tensors: dict[str, NDArray[Any]], name: str) -> Tensor | None:
     """
     layer = name.split(".", 2)[2]
     shared = any(f".backbone.{part}." in name for part in ("stem", "blocks.0", "blocks.1", "blocks.2"))
-    others = [f"{group}.0.{layer}" for group in _GROUPS] if shared else []
+    beginning = f"beginning.{layer.removeprefix('backbone.')}"
+    others = [*(f"{group}.0.{layer}" for group in _GROUPS), beginning] if shared else []
     for key in (name, *others):
         if key in tensors:
             return torch.from_numpy(np.array(tensors[key], dtype=np.float32))

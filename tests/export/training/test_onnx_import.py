@@ -42,19 +42,20 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(trained: P
     assert (answer.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
 
 
-def test_the_shipped_networks_can_be_read_back_with_their_heads() -> None:
-    """The first two say everything, the third the camera alone."""
-    photo = torch.zeros(1, 3, 224, 224)
-    for number in range(2):
-        network, metadata = _read_onnx_network(packaged_model(), number)
-        with torch.inference_mode():
-            predicted = network.eval()(photo)
-        assert predicted.surroundings.shape[1] > 0
-        assert predicted.light.shape[1] > 0
-        assert "panoramas" in metadata["training_data"]
-    camera, metadata = _read_onnx_network(packaged_model(), 2)
+def test_of_the_package_the_convolutional_networks_are_read_back() -> None:
+    """The first is a transformer, the second says the sun alone, the third the camera alone."""
+    photo = torch.randn(1, 3, 224, 224)
+    (sun, metadata), (camera, _) = (_read_onnx_network(packaged_model(), number) for number in (1, 2))
+    with torch.inference_mode():
+        assert sun.eval()(photo).sun.std() > 0.3
+        assert camera.eval()(photo).camera.std() > 1
+    assert sun.around is None
     assert camera.around is None
-    assert metadata["networks"] == "3"
+    assert (metadata["networks"], "panoramas" in metadata["training_data"]) == ("3", True)
+    with pytest.raises(DataError, match=r"number 0 of \S+ is a transformer"):
+        _read_onnx_network(packaged_model(), 0)
+    with pytest.raises(DataError, match="no network number 3"):
+        _read_onnx_network(packaged_model(), 3)
 
 
 def test_a_network_read_back_answers_as_before(trained: Path, trained_network: Path, tmp_path: Path) -> None:
