@@ -56,7 +56,7 @@ _MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
 _OPSET = 20
 _TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
 ROUNDED_TOLERANCE = 3e-2  # the same once weights are stored small: that shifts the camera, and a sun in view with it
-_WHOLE_TOLERANCE = 6e-2  # the same where products are of whole numbers
+_WHOLE_TOLERANCE = 0.25  # the same where products are of whole numbers: of noise, an exponential or a doubtful sun moves
 
 
 # Changes to the graph: nothing is computed twice, and weights are stored small.
@@ -538,7 +538,7 @@ def _store_as_small_as_agrees(model: Any, ensemble: _Ensemble, path: Path, toler
         small = copy.deepcopy(model)
         store_small(small, min_bytes)
         _save_graph(small, path)
-        difference = _parity(ensemble, path, rounded=True)
+        difference = _parity(ensemble, path)
         if difference <= tolerance:
             break
     return small, _check(difference, tolerance)
@@ -609,18 +609,12 @@ def _readable(spec: ModelSpec) -> dict[str, str]:
     }
 
 
-def _parity(ensemble: _Ensemble, path: Path, *, rounded: bool = False) -> float:
-    """Largest difference between torch and onnxruntime on fixed inputs, relative to each output's largest value.
-
-    With rounded weights, `suitable` is left out: for pictures it is near 0 or 1, but for these inputs in between.
-    """
+def _parity(ensemble: _Ensemble, path: Path) -> float:
+    """Largest difference between torch and onnxruntime on fixed inputs, relative to each output's largest value."""
     model = Model.load(path)
     rng = np.random.default_rng(0)
     batch = rng.normal(0, 1, (5, 3, model.spec.height, model.spec.width)).astype(np.float32)
     with torch.inference_mode():
         expected = [output.numpy() for output in ensemble(torch.from_numpy(batch))]
     answers = model.session.run(ensemble.outputs, {"photo": batch})
-    if rounded and "light" in ensemble.outputs:
-        light = ensemble.outputs.index("light")
-        expected[light], answers[light] = expected[light][:, :-1], answers[light][:, :-1]
     return float(np.max([np.abs(a - b).max() / np.abs(a).max() for a, b in zip(expected, answers, strict=True)]))
