@@ -32,7 +32,7 @@ _MIN_ORANGE_STOPS = 0.5  # of red over blue in a pixel of a sunset
 _MIN_SUNSET_LUMINANCE = 0.15  # share of the map's luminance that its pixels have at least: the map's glow is brighter
 _MIN_SKY_SHARE = 0.02  # share of the picture that must show sky
 _MAX_SAMPLES = 500  # pixels, of which the mean is exact enough
-_TINT_EXPONENT = (0.11, 0.51)  # under a clear sky, and what cover squared adds; fitted on crops of `train`
+_TINT_EXPONENT = (0.13, 0.31)  # under a clear sky, and what cover squared adds; fitted on crops of `train`
 _MAX_COLOR_RATIO = 2.0  # by which a channel changes against green
 
 # Which pixels count as ground, and how far the network's view of it counts.
