@@ -14,7 +14,7 @@ from unittest import mock
 import bpy
 
 NAME = "bl_ext.user_default.light_from_photo"
-SHADOW = "450,420,150,440"  # of nothing, in wide_street.jpg
+SHADOW = "800,900,400,950"  # of nothing, in brick_street.jpg
 
 
 def main() -> None:

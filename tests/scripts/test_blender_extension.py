@@ -38,7 +38,7 @@ from scripts.blender_extension import ROOT, build, relative
 from tests.helpers.engines import CHROOT, PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
 from tests.helpers.scenes import sunlit_scene
 
-SHADOW = "450,420,150,440"  # as in try_extension.py
+SHADOW = "800,900,400,950"  # as in try_extension.py
 NEEDED = {"scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
 
 
@@ -491,7 +491,7 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
         'sed -i \'s/"spot_in_shade": false/"spot_in_shade": true/\' "$6/scene.json"\n'
     )
     program.chmod(0o755)
-    arguments = [ROOT / "tests" / "blender" / "try_extension.py", package, program, ROOT / "examples/wide_street.jpg"]
+    arguments = [ROOT / "tests" / "blender" / "try_extension.py", package, program, ROOT / "examples/brick_street.jpg"]
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "user")}
     result = subprocess.run(
         [PYTHON, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300
@@ -503,7 +503,7 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
 def test_in_blender_52(package: Path) -> None:
     """The command's answer is made out here, where its packages are."""
     with folder_in_chroot() as folder:
-        data, estimator = (ROOT / "examples" / "wide_street.jpg").read_bytes(), Estimator()
+        data, estimator = (ROOT / "examples" / "brick_street.jpg").read_bytes(), Estimator()
         photo = read_photo(data, target=480)
         answer, drawn = estimator(photo), estimator(photo, UserInput(shadows=[SHADOW]))
         lights = {"none": answer.lighting, "shadow": drawn.lighting}
@@ -518,10 +518,10 @@ def test_in_blender_52(package: Path) -> None:
             'cp "$(dirname "$0")/$answer"/* "$6"\n'
         )
         program.chmod(0o755)
-        for path in (package, ROOT / "tests" / "blender" / "try_extension.py", ROOT / "examples" / "wide_street.jpg"):
+        for path in (package, ROOT / "tests" / "blender" / "try_extension.py", ROOT / "examples" / "brick_street.jpg"):
             shutil.copy(path, folder)
         inside = f"/{folder.relative_to(CHROOT)}"
-        arguments = " ".join(f"{inside}/{name}" for name in (package.name, "lighting", "wide_street.jpg"))
+        arguments = " ".join(f"{inside}/{name}" for name in (package.name, "lighting", "brick_street.jpg"))
         environment = f"BLENDER_USER_RESOURCES={inside}/user"
         printed = run_in_chroot(
             folder, f"{environment} blender --background --factory-startup --python try_extension.py -- {arguments}"
@@ -563,7 +563,7 @@ def check_report(printed: str) -> dict[str, Any]:
     assert "Warning: The scene has light that the photo has not; delete it: Light.\n" in printed
     assert "World" in report["worlds"]  # the artist's own
     known, sun = report["known"], report["record"]["sun"]
-    assert known["photo size"] == [800, 450]
+    assert known["photo size"] == [1600, 1200]
     assert known["drawn"] == ["FINISHED"]
     assert known["drawn record"]["evidence"] == ["pixels", "shadow"]
     assert known["drawn record"]["sun"] != sun
