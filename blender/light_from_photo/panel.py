@@ -45,11 +45,11 @@ def _draw_answer(layout: Any, settings: Any, *, can_draw: bool) -> None:
     column = layout.column(align=True)
     for number, label in enumerate(sun_labels(settings.answer), 1):
         column.operator(Pick.bl_idname, text=label, depress=number == max(settings.pick, 1)).number = number
-    row = layout.row(align=True)
+    column = layout.column(align=True)
     if can_draw:
-        row.operator_menu_enum(Draw.bl_idname, "kind", icon="GREASEPENCIL")
+        column.operator_menu_enum(Draw.bl_idname, "kind", icon="GREASEPENCIL")
     if count := len(drawn_marks(settings)):
-        row.operator(Forget.bl_idname, text=f"{count} drawn", icon="X")
+        column.operator(Forget.bl_idname, text=f"{count} drawn", icon="X")
 
 
 class LIGHTFROMPHOTO_PT_view(_Panel, bpy.types.Panel):

@@ -5,10 +5,10 @@ import json
 from .lighting.fields import format_azimuth, format_sun_elevation
 from .lighting.records import Lighting, Trust
 
-_HELP = {
+_HELP = {  # as long as the sidebar is wide
     Trust.SURE: "The sun is sure",
-    Trust.UNSURE: "The sun is unsure: draw a shadow or pick a sun",
-    Trust.NO_SUN: "No sun is seen: set one by eye if you want",
+    Trust.UNSURE: "Unsure: draw a shadow or pick a sun",
+    Trust.NO_SUN: "No sun is seen: set one by eye",
 }
 
 

@@ -305,11 +305,11 @@ def test_the_answer_says_its_trust_in_a_line_and_its_suns_on_buttons(unpacked: s
     suns = (SunCandidate(-40.0, 35.0, 0.6), SunCandidate(120.4, 25.0, 0.31))
     unsure = Lighting(-40.0, 35.0, 3.0, 2.0, radius_50=30.0, radius_90=80.0, sun_candidates=suns)
     record = json.dumps(unsure.to_dict())
-    assert trust.trust_line(record) == "The sun is unsure: draw a shadow or pick a sun"
+    assert trust.trust_line(record) == "Unsure: draw a shadow or pick a sun"
     assert trust.sun_labels(record) == ["40° left, 35° high (60 %)", "120° right (behind), 25° high (31 %)"]
     assert trust.sun_labels(json.dumps(replace(unsure, sun_candidates=suns[:1]).to_dict())) == []
     lines = {trust.trust_line(json.dumps(replace(unsure, **change).to_dict())) for change in _OTHER_TRUST}
-    assert lines == {"The sun is sure", "No sun is seen: set one by eye if you want"}
+    assert lines == {"The sun is sure", "No sun is seen: set one by eye"}
 
 
 _OTHER_TRUST: tuple[dict[str, Any], ...] = ({"radius_90": 20.0}, {"sun_visibility": 0.1})
@@ -522,10 +522,12 @@ def test_in_blender_52(package: Path) -> None:
             shutil.copy(path, folder)
         inside = f"/{folder.relative_to(CHROOT)}"
         arguments = " ".join(f"{inside}/{name}" for name in (package.name, "lighting", "brick_street.jpg"))
+        validated = run_in_chroot(folder, f"blender --command extension validate {package.name}")
         environment = f"BLENDER_USER_RESOURCES={inside}/user"
         printed = run_in_chroot(
             folder, f"{environment} blender --background --factory-startup --python try_extension.py -- {arguments}"
         )
+    assert "Success" in validated
     assert check_report(printed)["blender"].startswith("5.2")
 
 
