@@ -27,6 +27,7 @@ Pixels = NDArray[np.uint8]
 SAMPLE_SIDE = 512  # pixels of the longer side of the frames that are compared
 MIN_SAMPLE_LEVEL = 40  # gray levels that a frame reaches which is not black
 
+_SOFT_LINES = 1  # of a compared frame along a border, which reduction and shared chroma mix of it and the picture
 _SAME_EDGE = 0.02  # of a side, by which a border's edges may differ from frame to frame
 _MIN_FRAMED_SHARE = 0.3  # of the frames that have a border, from which a changing one is told
 _MIN_OVERLAY_SAMPLES = 4  # frames that differ, below which nothing is said to stand still
@@ -92,9 +93,9 @@ def _find_border(samples: Sequence[Pixels], size: tuple[int, int]) -> tuple[Rect
     if 2 * np.count_nonzero(agreeing) <= len(samples):
         often = len(framed) >= max(2.0, _MIN_FRAMED_SHARE * len(samples))
         return None, (CodedWarning(_CHANGING),) if often else ()
-    left, top = edges[agreeing, :2].min(axis=0).tolist()  # a dark frame may hide where the picture begins
-    right, bottom = edges[agreeing, 2:].max(axis=0).tolist()
-    crop = Rectangle(left, top, right, bottom)
+    start, end = edges[agreeing, :2].min(axis=0), edges[agreeing, 2:].max(axis=0)  # a dark frame may hide an edge
+    line = _SOFT_LINES / np.array(samples[0].shape[1::-1])
+    crop = Rectangle(*np.where(start > 0, start + line, 0.0).tolist(), *np.where(end < 1, end - line, 1.0).tolist())
     x, y, x_end, y_end = crop.pixels(*size)
     width, height = x_end - x, y_end - y
     if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):

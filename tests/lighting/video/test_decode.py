@@ -19,7 +19,7 @@ from lighting.records import WarningCode
 from lighting.video import decode
 from lighting.video.decode import Clip, ClipForm, _readable, _to_srgb, _upright_pixels, local_address
 from lighting.video.framing import looks_logarithmic
-from tests.helpers.clips import Pixels, pan, write_clip
+from tests.helpers.clips import Pixels, look, pan, write_clip
 from tests.helpers.pages import ROOT
 
 FOCAL_LENGTH = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
@@ -525,6 +525,18 @@ def test_a_clip_is_cut_to_the_picture_inside_its_border(tmp_path: Path) -> None:
     assert len(frames) == len(expected) == 10
     with Clip(path, 120, form=clip.form) as again:
         assert next(iter(again.frames())).pixels.shape[1] == 120
+
+
+@pytest.mark.parametrize("top", [123, 138])  # odd ones share their color with the border
+def test_no_line_of_a_border_stays_where_frames_are_reduced(tmp_path: Path, top: int) -> None:
+    picture = cv2.resize(look(0.0), (1600, 1080 - 2 * top))
+    film = np.zeros((1080, 1600, 3), np.uint8)
+    film[top : 1080 - top] = picture
+    with Clip(write_clip(tmp_path / "a.mp4", [film] * 3)) as clip:
+        frame = next(iter(clip.frames())).pixels.mean(axis=(1, 2))
+    shown = cv2.resize(picture, (640, round(640 / 1600 * len(picture)))).mean(axis=(1, 2))
+    assert len(shown) - 6 <= len(frame) < len(shown)
+    assert np.abs(frame[[0, -1]] - shown[[2, -3]]).max() < 12
 
 
 def test_a_dark_scene_between_bars_hides_none_of_the_picture(tmp_path: Path) -> None:
