@@ -477,9 +477,9 @@ def _is_pipe_or_device(path: Path) -> bool:
 def _matches(pattern: str, source: Path) -> Iterator[str]:
     """Names of the files that a glob matches, each once; hidden ones only where the glob names a dot.
 
-    A part that exists as it is written is no pattern, so that "[2024] trip" is that folder, never "2 trip". No link to
-    a folder is followed by `**`, for it may lead back to where it stands. Raises BatchError for a name that holds `**`
-    beside other letters.
+    A part that exists as it is written is no pattern, so that "[2024] trip" is that folder, never "2 trip". Nor are
+    brackets: "a[1].*" is "a[1].jpg" where there is one, never "a1.jpg". No link to a folder is followed by `**`, for it
+    may lead back to where it stands. Raises BatchError for a name that holds `**` beside other letters.
     """
     parts = Path(pattern).parts[len(source.parts) :]
     if any("**" in part and part != "**" for part in parts):
@@ -495,11 +495,15 @@ def _matches(pattern: str, source: Path) -> Iterator[str]:
 
 
 def _match_part(folders: set[Path], part: str) -> set[Path]:
-    """What a part of a glob matches in folders; if any of them holds it as it is written, that alone."""
+    """What a part of a glob matches in folders; if any of them holds it, or its brackets, as written, that alone."""
     if part == "**":
         return {Path(parent) for folder in folders for parent, _, _ in os.walk(folder)}
     written = {folder / part for folder in folders if _exists(folder / part)}
-    return written or {path for folder in folders if folder.is_dir() for path in folder.glob(part)}
+    return written or _glob_part(folders, part.replace("[", "[[]")) or _glob_part(folders, part)
+
+
+def _glob_part(folders: set[Path], part: str) -> set[Path]:
+    return {path for folder in folders if folder.is_dir() for path in folder.glob(part)}
 
 
 def _exists(path: Path) -> bool:

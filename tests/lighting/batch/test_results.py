@@ -369,6 +369,9 @@ def test_what_exists_as_it_is_written_is_no_pattern(tmp_path: Path, monkeypatch:
     assert find_photos("**/[2024] trip/*.jpg") == (".", ["albums/[2024] trip/1.jpg"])
     assert find_photos("*/set [a-c]/*/*") == (".", ["albums/set [a-c]/x/3.jpg"])
     assert find_photos("albums/set a/photo[1].jpg")[1] == ["photo[1].jpg"]
+    assert find_photos("albums/set a/photo[1].*")[1] == ["photo[1].jpg"]
+    assert find_photos("albums/set a/photo[12].*")[1] == ["photo1.jpg"]
+    assert find_photos("albums/[2024]*/*.jpg")[1] == ["[2024] trip/1.jpg"]
     assert find_photos(f"{tmp_path}/albums/[2024] trip/1.jpg") == (str(tmp_path / "albums" / "[2024] trip"), ["1.jpg"])
 
 
