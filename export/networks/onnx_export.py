@@ -56,9 +56,7 @@ _MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
 _OPSET = 20
 _TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
 ROUNDED_TOLERANCE = 3e-2  # the same once weights are stored small: that shifts the camera, and a sun in view with it
-_WHOLE_TOLERANCE = (
-    0.25  # the same where products are of whole numbers: of noise, an exponential or a doubtful sun moves
-)
+_WHOLE_TOLERANCE = 0.25  # the same where products are of whole numbers: of noise, a doubtful sun moves
 
 
 # Changes to the graph: nothing is computed twice, and weights are stored small.

@@ -106,8 +106,8 @@ def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert visibility_attenuation(0.1) < 1e-3
     light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
     doubtful, sure = (lighting_from_prediction(prediction(sun_visibility=v, light=light)) for v in (0.4, 0.9))
-    assert np.array(sure.sun_irradiance) == pytest.approx(4.0 * 2**0.11, rel=1e-5)
-    assert np.array(doubtful.sun_irradiance) == pytest.approx(0.125 * 2**0.11, rel=1e-5)
+    assert np.array(sure.sun_irradiance) == pytest.approx(4.0 * 2**0.6, rel=1e-5)
+    assert np.array(doubtful.sun_irradiance) == pytest.approx(0.125 * 2**0.6, rel=1e-5)
     assert doubtful.sky_irradiance == sure.sky_irradiance
 
 

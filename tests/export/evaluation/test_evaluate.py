@@ -107,7 +107,7 @@ def test_a_sun_in_the_picture_is_what_the_network_looks_at(monkeypatch: pytest.M
     added = _occlusion_map(Model.load(), read_photo(EXAMPLES / "railway_field.jpg"))
     height, width = added.shape
     y, x = np.unravel_index(np.argmax(added), added.shape)
-    assert abs(x / width - 0.78) < 0.1  # where the glare is
+    assert abs(x / width - 0.78) < 0.15  # where the glare is, seen by covers a tenth of the width apart
     assert abs(y / height - 0.25) < 0.12
     assert np.abs(added[height // 2 :, : width // 2]).max() < 0.3 * added.max()
 
