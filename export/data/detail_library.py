@@ -49,6 +49,7 @@ _LEFT_OUT = (
     "industrial_sunset_02",  # no detail but rows of plants
     *("docklands_02_sceneview", "mfecane_1208", "mfecane_1211", "mfecane_1227"),  # one knows the place: crane, ruin
     "mfecane_1222",  # a wall so near that it fills half the map
+    "limpopo_golf_course",  # taken above a pit, whose rim lies all around
     *("mfecane_1186", "mfecane_1200", "mfecane_1210", "modern_buildings_2"),  # a roof, a pool, a pavilion
 )
 _KIND_OF = {  # the others are cities
@@ -59,7 +60,7 @@ _KIND_OF = {  # the others are cities
     "parking": ("learner_park",),
     "garden": ("suburban_garden",),
     "meadow": (
-        *("mfecane_1183", "hochsal_field", "je_gray_park", "lilienstein", "limpopo_golf_course"),
+        *("mfecane_1183", "hochsal_field", "je_gray_park", "lilienstein"),
         *("rural_crossroads", "rural_landscape", "sunset_fairway", "wildflower_field"),
     ),
     "forest": ("mfecane_1167", "mfecane_1185", "mfecane_1209", "mfecane_1216", "mfecane_1224", "mossy_forest"),

@@ -46,6 +46,8 @@ _REFLECTANCE_RANGE = (0.02, 0.9)
 # Which ground is snow. Of 466 photos of `train`, only those of snow count; of 100 HDR crops, one white floor does.
 _SNOW_REFLECTANCE = 0.85
 _MIN_SNOW_REFLECTANCE = 0.6  # of the ground, for a place of snow
+_MIN_BLUE_REFLECTANCE = 0.38  # the same of ground that is blue in the photo, as snow under a clear sky is
+_BLUE = 1.1  # of such ground: its blue over its red
 _MAX_SNOW_BUILDING = 0.15  # of the photo, for a place of snow
 _MIN_SNOW_SHARE = 0.7  # of the ground's pixels that are white
 _MIN_SNOW_LUMINANCE = 0.25  # of a white pixel
@@ -271,7 +273,10 @@ def shows_snow(samples: PhotoSamples, lighting: Lighting) -> bool:
     if segments is not None and float(class_share(segments, SurfaceClass.BUILDING).mean()) > _MAX_SNOW_BUILDING:
         return False
     reflectance = _snow_reflectance(samples, lighting, shaded=True)
-    return reflectance is not None and float(luminance(reflectance)) > _MIN_SNOW_REFLECTANCE
+    if reflectance is None or samples.ground is None:
+        return False
+    red, _, blue = _middle_mean(samples.colors[samples.ground])
+    return float(luminance(reflectance)) > (_MIN_BLUE_REFLECTANCE if blue > _BLUE * red else _MIN_SNOW_REFLECTANCE)
 
 
 def _snow_reflectance(samples: PhotoSamples, lighting: Lighting, *, shaded: bool = False) -> Floats | None:

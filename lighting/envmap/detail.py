@@ -6,9 +6,9 @@ half of the map is brought back exactly to what it was. Around the sun the sky s
 becomes much brighter than its brightest was: there is one sun.
 """
 
-import math
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,13 +36,19 @@ _LIGHT_DEG = 20.0  # standard deviation over which light stays as bright as it w
 _COLOR_DEG = 40.0  # and over which its color stays
 _DETAIL_RANGE = (0.1, 2.5)  # of a pixel over what is coarse
 _TINT_RANGE = (0.4, 2.5)  # of the color of what is dark before the sky
+_DARK = 0.7  # of a pixel over what is coarse, up to which it is no sky
 _LOW_SKY_DEG = 30.0  # up to which the sky's mean brightness counts for what is dark before a brighter part of it
 _MIN_SHADED = 0.15  # share of such a part's brightness that counts at least
-_HAND_OVER_DEG = (14.0, 7.0, 3.5)  # standard deviations over which the photo's own brightness reaches beyond its edges
+# Standard deviations along rows and columns over which the photo's own light reaches beyond its edges: first all
+# around, then sideways, as clouds and horizons go on.
+_HAND_OVER_DEG = ((14.0, 14.0), (7.0, 7.0))
+_BAND_DEG = ((16.0, 3.0), (5.0, 1.5))
+_RIM_ROWS = 2 * DETAIL_ROWS  # of the cells in which the photo's edges are seen
+_LEAST_COVERED = 0.02  # of a cell that the photo reaches
 _RIM_WEIGHT = 0.85  # of the photo in a cell, up to which the cell lies at the photo's edge
 _MIN_GAIN = 1e-6  # of a photo, in a logarithm
-_CLIPPED_LOG = math.log(CLIPPED)
-_HAND_OVER = 1.2  # largest logarithm of its gain
+_TINY = np.float32(1e-6)
+_HAND_OVER = 1.6  # largest logarithm of its gain
 _LEAST_OPEN = 0.05  # weight in that of what the photo shows of plants, walls and things: they end where they end
 _OPEN_ABOVE = (SurfaceClass.SKY,)  # classes that go on beyond the edge, above the horizon and below it
 _OPEN_BELOW = (SurfaceClass.GROUND, SurfaceClass.UNEVEN, SurfaceClass.WATER, SurfaceClass.FAR_TERRAIN)
@@ -73,12 +79,12 @@ class _MapDetail:
             self._whole = np.empty((library.height, 2 * library.height, 3), np.float32)
             list(pool.map(lambda columns: self._fill(self._block(columns), columns), self._blocks))
 
-    def means(self) -> Image:
-        """The detail's means (R, 2R, 3) in the cells."""
+    def means(self, rows: int) -> Image:
+        """The detail's means (R, 2R, 3) in cells of some rows."""
         if self._whole is not None:
-            return shrink_envmap(self._whole, DETAIL_ROWS)
-        rows = self._pool.map(lambda columns: shrink_axis(self._block(columns), 0, DETAIL_ROWS), self._blocks)
-        return shrink_axis(np.concatenate(list(rows), axis=1), 1, 2 * DETAIL_ROWS)
+            return shrink_envmap(self._whole, rows)
+        blocks = self._pool.map(lambda columns: shrink_axis(self._block(columns), 0, rows), self._blocks)
+        return shrink_axis(np.concatenate(list(blocks), axis=1), 1, 2 * rows)
 
     def multiply(self, image: Image) -> None:
         """Give a map (H, 2H, 3) the detail."""
@@ -151,30 +157,35 @@ def add_detail(
         gain: over 0, by which the photo's linear values are multiplied.
         pool: of threads that make the detail.
     """
-    edge, shown, clipped = _photo_cells(photo, lighting, segments)
-    covered = projection.covered_share(DETAIL_ROWS)
-    before = shrink_envmap(image, DETAIL_ROWS)
+    fine = _photo_cells(photo, lighting, segments, projection, gain)
+    rows = len(fine.log)
+    rim = fine if rows == DETAIL_ROWS else fine.pooled()
+    fine_before = shrink_envmap(image, rows)
+    before = _pool(fine_before, DETAIL_ROWS)
     has_sun = lighting.sun_painted and lighting.sun_elevation > 0
     sun_angle = angle_between(_cell_directions(), lighting.sun_direction) if has_sun else None
     log = np.log(np.maximum(before, np.float32(1e-9)))
     smoothing = blur_cells(log, _HORIZON_DEG) - log  # the horizon is where the detail has it
     blurred = np.exp(smoothing if sun_angle is None else smoothing * _share_off_sun(sun_angle, _GLOW_DEG))
-    rim = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (edge.max(axis=2, keepdims=True) < _CLIPPED_LOG)
-    edge += np.float32(math.log(max(gain, _MIN_GAIN)))
     level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
-    open_share = (1 - covered * (1 - clipped)) * level
+    open_share = (1 - rim.covered * (1 - rim.clipped)) * level
     detail = _MapDetail(library.result(), sun_angle, _own_tint(before, library.result().color), pool)
-    cells = before * detail.means()
+    fine_cells = fine_before * detail.means(rows)
+    cells = _pool(fine_cells, DETAIL_ROWS)
     lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
-    gains *= _hand_over(lit, edge, rim, _HAND_OVER_DEG[0])
+    gains *= _hand_over(lit, rim, _HAND_OVER_DEG[0])
     if detail.limit(_detail_ceiling(before * gains, _sky_limit(before, open_share, sun_angle))):
-        cells = before * detail.means()
-    for deg in _HAND_OVER_DEG:  # the photo's edges and the light on matte objects both come near what they are to be
-        gains *= _hand_over(cells * gains, edge, rim, deg)
+        fine_cells = fine_before * detail.means(rows)
+        cells = _pool(fine_cells, DETAIL_ROWS)
+    for reach in _HAND_OVER_DEG:  # the photo's edges and the light on matte objects both come near what they are to be
+        gains *= _hand_over(cells * gains, rim, reach)
         _keep_moments(gains, before, cells, open_share)
+    fine_gains = np.ones_like(fine_cells)
+    list(map(multiply_cells, np.split(fine_gains, 2), np.split(gains, 2)))
+    fine_gains *= _hand_over(fine_cells * fine_gains, fine, *_BAND_DEG)
     detail.multiply(image)
-    list(pool.map(multiply_cells, np.split(image, 2), np.split(gains, 2)))
+    list(pool.map(multiply_cells, np.split(image, 2), np.split(fine_gains, 2)))
 
 
 @lru_cache(maxsize=1)
@@ -206,40 +217,65 @@ def _color_dark(detail: Image, tint: Image) -> None:
         tint: (H / 2, C, 3) factors of `_own_tint`, less 1; changed.
     """
     sky = detail[: len(tint)]
-    tint *= np.clip(1 - sky[..., 1], 0, 1).repeat(3, axis=1).reshape(tint.shape)
+    tint *= np.clip(1 - sky[..., 1] / _DARK, 0, 1).repeat(3, axis=1).reshape(tint.shape)
     tint += 1
     sky *= tint
 
 
-def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting, segments: Segments | None) -> tuple[Image, Image, Image]:
-    """The photo in each cell: mean logarithm (R, 2R, 3), how far it counts beyond its edge, and its clipped share.
+@dataclass(frozen=True, eq=False)
+class _PhotoCells:
+    """A photo in the cells of a map of R rows."""
 
-    Both are (R, 2R, 1). Sky, ground, water and what is far go on; things do not. Where it is clipped, the map shows
-    through.
-    """
-    samples, cell = sample_cells(photo, lighting, DETAIL_ROWS)
+    log: Image
+    """(R, 2R, 3) mean logarithm of its light."""
+    shown: Image
+    """(R, 2R, 1) how far it counts beyond its edge: sky, ground, water and what is far go on; things do not."""
+    clipped: Image
+    """(R, 2R, 1) share that is clipped, through which the map shows."""
+    covered: Image
+    """(R, 2R, 1) share that it covers."""
+
+    @cached_property
+    def rim(self) -> Image:
+        """(R, 2R, 1) how far cells count: those at its edges, 0 to 1."""
+        return self.shown * ((self.covered > _LEAST_COVERED) & (self.covered < _RIM_WEIGHT)) * (self.clipped < 0.5)
+
+    def pooled(self) -> "_PhotoCells":
+        """The same in cells twice as large."""
+        rows = len(self.log) // 2
+        shown, clipped, covered = (_pool(part, rows) for part in (self.shown, self.clipped, self.covered))
+        log = _pool(self.log * self.shown, rows) / np.maximum(shown, _TINY)
+        return _PhotoCells(np.asarray(log, dtype=np.float32), shown, clipped, covered)
+
+
+def _pool(cells: Image, rows: int) -> Image:
+    """Cells (R, 2R, C) in larger ones of fewer rows, each of as many."""
+    count = len(cells) // rows
+    return np.asarray(cells.reshape(rows, count, 2 * rows, count, -1).mean(axis=(1, 3)))
+
+
+def _photo_cells(
+    photo: NDArray[np.uint8], lighting: Lighting, segments: Segments | None, projection: PhotoProjection, gain: float
+) -> _PhotoCells:
+    """The photo, times a gain, in cells of _RIM_ROWS rows, or of DETAIL_ROWS in a small map."""
+    map_rows = _RIM_ROWS if projection.height >= _RIM_ROWS else DETAIL_ROWS
+    samples, cell = sample_cells(photo, lighting, map_rows)
     colors, rows, columns = samples.reshape(-1, 3), *cell.shape
-    cells, shape = 2 * DETAIL_ROWS**2, (DETAIL_ROWS, 2 * DETAIL_ROWS, -1)
+    cells, shape = 2 * map_rows**2, (map_rows, 2 * map_rows, -1)
     clipped = colors.max(axis=1, keepdims=True) > CLIPPED
     weight = np.ones((len(colors), 1), np.float32)
     if segments is not None:
         above, below = (pixel_share(segments, columns, rows, *kinds) for kinds in (_OPEN_ABOVE, _OPEN_BELOW))
         share = np.where(cell < cells // 2, above, below).reshape(-1, 1)
         weight = np.maximum(share, np.float32(_LEAST_OPEN))
-    values = np.concatenate([weight * np.log(colors + LOG_OFFSET), weight, clipped], axis=1)
+    log = np.log(colors * np.float32(max(gain, _MIN_GAIN)) + LOG_OFFSET)
+    values = np.concatenate([weight * log, weight, clipped], axis=1)
     count = np.bincount(cell.reshape(-1), minlength=cells)[:, None]
     total = np.stack([np.bincount(cell.reshape(-1), channel, cells) for channel in values.T], axis=-1)
     mean = total / np.maximum(count, 1)
-    log = mean[:, :3] / np.maximum(mean[:, 3:4], 1e-6)
-    parts = (np.asarray(part, dtype=np.float32).reshape(shape) for part in (log, mean[:, 3:4], mean[:, 4:]))
-    log_cells, shown, clipped_share = parts
-    return log_cells, shown, clipped_share
-
-
-def _spread(values: Image, shown: Image, deg: float) -> tuple[Image, Image]:
-    """Values (R, 2R, 3) of the cells that are shown, spread to all, and the weight (R, 2R, 1) of what was spread."""
-    share = blur_cells(shown, deg)
-    return np.asarray(blur_cells(values * shown, deg) / np.maximum(share, np.float32(1e-6))), share
+    parts = (mean[:, :3] / np.maximum(mean[:, 3:4], 1e-6), mean[:, 3:4], mean[:, 4:])
+    log_cells, shown, clipped_share = (np.asarray(part, dtype=np.float32).reshape(shape) for part in parts)
+    return _PhotoCells(log_cells, shown, clipped_share, projection.covered_share(map_rows))
 
 
 def _share_off_sun(sun_angle: Floats, reach: tuple[float, float]) -> Image:
@@ -268,32 +304,31 @@ def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
     return gains
 
 
-def _hand_over(lit: Image, log: Image, rim: Image, deg: float) -> Image:
-    """Gains (R, 2R, 3) that take the photo's own brightness beyond its edges, so that no frame is seen.
+def _hand_over(lit: Image, photo: _PhotoCells, *reaches: tuple[float, float]) -> Image:
+    """Gains (R, 2R, 3) that take the photo's own light beyond its edges, so that no frame is seen.
 
     Each half of the map has its own: the sky's brightness is not that of the ground.
 
     Args:
         lit: (R, 2R, 3) the map with detail.
-        log: (R, 2R, 3) mean logarithm of the photo.
-        rim: (R, 2R, 1) how far cells count: those at its edges, 0 to 1.
-        deg: standard deviation over which they do.
+        photo: in the same cells.
+        reaches: standard deviations along the rows and the columns over which it does, one after the other.
     """
-    gains = np.ones_like(lit)
+    log_gains = np.zeros_like(lit)
     for half in np.split(np.arange(len(lit)), 2):
-        if not rim[half].any():
+        rim = photo.rim[half]
+        edge = rim[..., 0] > 0
+        if not edge.any():
             continue
-        off = np.clip(log[half] - np.log(lit[half] + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
-        spread, share = _spread(off, rim[half], deg)
-        whole = blur_cells(np.asarray(rim[half] > 0, dtype=np.float32), deg)[rim[half] > 0]
-        gains[half] = np.exp(spread * np.clip(share / _median(whole), 0, 1))
-    return gains
-
-
-def _median(values: Image) -> np.float32:
-    """Of (N,); np.median of floats imports masked arrays, which takes 10 ms."""
-    middle = np.sort(values)[(len(values) - 1) // 2 : len(values) // 2 + 1]
-    return np.float32(middle.mean())
+        off, near = np.zeros_like(lit[half]), photo.covered[half] > _LEAST_COVERED
+        off[edge] = np.clip(photo.log[half][edge] - np.log(lit[half][edge] + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
+        for reach in reaches:
+            parts = np.concatenate([off * rim, edge[..., None], near], axis=2)
+            spread, whole, inside = np.split(blur_cells(parts, *reach), (3, 4), axis=2)
+            change = spread / np.maximum(whole, _TINY) * np.minimum(2 * inside, 1)  # less and less beyond the edges
+            log_gains[half] += change
+            off -= change
+    return np.exp(log_gains)
 
 
 def _detail_ceiling(cells: Image, limit: Floats) -> Image:

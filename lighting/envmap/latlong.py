@@ -168,20 +168,24 @@ def blur_envmap(image: Image, concentration: float) -> Image:
     return _convolve_envmap(image, lambda cosine: np.exp(np.float32(concentration) * (cosine - 1)))
 
 
-def blur_cells(cells: Image, deg: float) -> Image:
+def blur_cells(cells: Image, deg: float, down_deg: float | None = None) -> Image:
     """Cells (r, 2R, C), some rows of a map, blurred along both axes; columns wrap and rows end.
 
     Args:
         cells: (r, 2R, C).
-        deg: standard deviation.
+        deg: standard deviation along the rows.
+        down_deg: along the columns; None: the same.
     """
     rows, columns = cells.shape[:2]
-    down, across = _blur_matrix(rows, columns // 2, deg, False), _blur_matrix(columns, columns // 2, deg, True)
-    blurred = (down @ cells.reshape(rows, -1)).reshape(cells.shape)
-    return np.asarray(across @ blurred, dtype=np.float32)
+    down = _blur_matrix(rows, columns // 2, deg if down_deg is None else down_deg, False)
+    across = _blur_matrix(columns, columns // 2, deg, True)
+    used = cells.any(axis=(0, 2))  # columns: a photo's edges lie in a few
+    part = cells[:, used]
+    blurred = (down @ part.reshape(rows, -1)).reshape(part.shape)
+    return np.asarray(across[:, used] @ blurred, dtype=np.float32)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=32)
 def _blur_matrix(count: int, map_rows: int, deg: float, wraps: bool) -> Image:
     """Weights (count, count) of a normal distribution between cells; rows sum to 1."""
     index = np.arange(count)

@@ -144,6 +144,7 @@ def test_snow_is_white_ground_without_buildings() -> None:
     assert not is_snow(white, stated_light(), buildings)
     assert not is_snow(photo([0.3, 0.3, 0.3]), stated_light())
     assert is_snow(photo([0.65, 0.75, 1.0]), stated_light())  # in shade
+    assert is_snow(photo([0.45, 0.5, 0.58]), stated_light())  # darker than it is, but blue
     assert not is_snow(photo([0.9, 0.75, 0.65]), stated_light())  # pavement
 
 

@@ -191,6 +191,20 @@ def test_the_map_takes_the_photos_light_beside_its_edges(shade: int) -> None:
     assert abs(np.log2(beside / inside)) < 0.6
 
 
+def test_a_bank_of_clouds_goes_on_at_its_height() -> None:
+    azimuth, elevation = latlong_angles(256)
+    bank, below = ((elevation > low) & (elevation < low + 5) for low in (8, 1))
+    beside = (azimuth > 34) & (azimuth < 44)
+    clouds = photo()
+    clouds[:60] = (70, 110, 190)
+    clear = clouds.copy()
+    clouds[28:42] = 235
+    cloudy, plain = (luminance(maps(pixels, height=256)[1]) for pixels in (clouds, clear))
+    gain = cloudy / plain
+    assert gain[bank][:, beside].mean() > 1.7
+    assert gain[below][:, beside].mean() < 1.3
+
+
 def test_things_at_the_photos_edge_leave_the_sky_beside_it_bright() -> None:
     pixels = photo()
     pixels[:60, -25:] = (20, 30, 20)
@@ -302,7 +316,7 @@ def test_what_is_dark_before_the_sky_has_its_own_color() -> None:
     _color_dark(tinted, np.broadcast_to(tint - 1, (48, 192, 3)).copy())
     np.testing.assert_array_equal(tinted[48:], detail[48:])
     np.testing.assert_array_equal(tinted[:, 1::2], detail[:, 1::2])
-    np.testing.assert_allclose(tinted[:40, ::2] - 0.25 * (1 + 0.75 * (tint - 1)), 0, atol=1e-4)
+    np.testing.assert_allclose(tinted[:40, ::2] - 0.25 * (1 + (1 - 0.25 / 0.7) * (tint - 1)), 0, atol=1e-4)
 
 
 def test_pictures_are_rotated_and_flipped() -> None:

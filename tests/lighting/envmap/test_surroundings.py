@@ -249,7 +249,7 @@ def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, around: str
 
 def test_the_detail_is_chosen_once_for_all_resolutions() -> None:
     answer = estimate(coarse_panorama(stated_light()))
-    place, finer = answer.context(), answer.context(pixels=np.full((600, 800, 3), 200, np.uint8))
+    place, finer = answer.context(), answer.context(pixels=np.full((600, 800, 3), 60, np.uint8))
     assert place is not None
     assert finer is not None
     assert place is answer.context()
