@@ -29,7 +29,7 @@ from lighting.photo.reader import TARGET, Photo, PhotoCrop
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.photo_estimate import Estimate
 from lighting.records import CodedWarning, EstimatedLight, Lighting, LightProbe, WarningCode
-from lighting.registration import photo_set, two_view
+from lighting.registration import features, photo_set
 from lighting.tracing import trace_step
 from server import problems
 from server.job_store import JobStore
@@ -115,12 +115,12 @@ class PhotoMatcher:
     @property
     def target(self) -> int:
         """Pixels along the longer side that the photos should have."""
-        return two_view.MATCH_SIDE if two_view.has_opencv() else TARGET
+        return features.MATCH_SIDE if features.has_opencv() else TARGET
 
     def __call__(self, views: Sequence[photo_set.View]) -> Sequence[photo_set.RegisteredView] | None:
         """The registered views; None if that failed. Stops with its request when the client disconnects."""
         try:
-            if two_view.has_opencv():
+            if features.has_opencv():
                 return photo_set.register_views_isolated(views, self.seconds, check_cancelled)
             self.failure = NO_OPENCV
         except MissingExtraError:

@@ -17,7 +17,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from lighting.files import MAP_FORMATS
 from lighting.model import METRICS
 from lighting.records import Json, Lighting, ModelSpec
-from lighting.registration import two_view
+from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from lighting.version import __version__
@@ -296,7 +296,7 @@ async def _describe_model(request: Request, service: ServiceDep) -> Response:
         licence=spec.licence,
         grid=spec.sun_grid,
         accuracy=_read_accuracy(spec, service.model_folder),
-        matching=two_view.has_opencv(),
+        matching=features.has_opencv(),
         jobs=service.jobs is not None,
         **names,
     )

@@ -11,7 +11,7 @@ from packaging.version import Version
 
 from lighting.photo.reader import memory_budget
 from lighting.registration import photo_set
-from lighting.registration.two_view import MATCH_SIDE
+from lighting.registration.features import MATCH_SIDE
 from lighting.scene.records import PLATE_SIDE
 from scripts.book import read_code_blocks
 from server.connections import MAX_HEADER_BYTES

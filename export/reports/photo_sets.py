@@ -23,15 +23,10 @@ from lighting.geometry import Floats, angle_between, angles, camera_directions, 
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
 from lighting.records import Prediction
+from lighting.registration.features import Features, detect_features, match_features
 from lighting.registration.photo_set import RegisteredView, ViewFeatures, register_views
 from lighting.registration.rotations import camera_from_world
-from lighting.registration.two_view import (
-    Features,
-    RelativeRotation,
-    detect_features,
-    estimate_rotation,
-    match_features,
-)
+from lighting.registration.two_view import RelativeRotation, estimate_rotation
 
 PHOTO_WIDTH, PHOTO_HEIGHT = 640, 480  # pixels; the panoramas hold no more
 PHOTO_FOVS = (40.0, 65.0)  # deg, vertical

@@ -56,7 +56,7 @@ def _estimate_views(
 
     Without headings they are registered with each other where OpenCV is installed.
     """
-    from lighting.registration.two_view import MATCH_SIDE, has_opencv
+    from lighting.registration.features import MATCH_SIDE, has_opencv
 
     register = headings is None and has_opencv()
     read: dict[int, tuple[str, Photo]] = {}
@@ -161,7 +161,7 @@ def _warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | 
     """
     if quiet or not together or headings is not None:
         return
-    from lighting.registration.two_view import has_opencv
+    from lighting.registration.features import has_opencv
 
     if not has_opencv():
         reason = f"because OpenCV is not installed: {errors.install_command('all')}."

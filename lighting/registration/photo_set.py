@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 import lighting.runtime as runtime
 from lighting.errors import ErrorCode, LightingError, TurnsError
 from lighting.geometry import Floats, wrap_azimuth
+from lighting.registration.features import Features, Matches, detect_features, import_opencv, match_features
 from lighting.registration.rotations import (
     camera_up,
     consensus_up,
@@ -44,15 +45,7 @@ from lighting.registration.rotations import (
     rotation_about,
     rotation_vector,
 )
-from lighting.registration.two_view import (
-    Features,
-    Matches,
-    RelativeRotation,
-    detect_features,
-    estimate_rotation,
-    import_opencv,
-    match_features,
-)
+from lighting.registration.two_view import RelativeRotation, estimate_rotation
 from lighting.sun_grid import weighted_median
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The relative rotation of two cameras, by SIFT features [1] that match between their photos.
+"""The relative rotation of two cameras, by points that match between their photos (features.py).
 
 OpenCV is in the extra `all`; without it every function here that needs it raises MissingExtraError.
 
@@ -6,34 +6,32 @@ Far things obey the homography at infinity K R K^-1: a rotation and a focal leng
 and refined. Where the lens was zoomed, each photo gets a focal length of its own; where the camera moved between
 near things the essential matrix takes over.
 
-Five matches decide an essential matrix where the focal length is known [4]. Its rotation, direction of motion and the
-focal length are then refined together on the Sampson distances of all matches [5].
+Five matches decide an essential matrix where the focal length is known [2]. Its rotation, direction of motion and the
+focal length are then refined together on the Sampson distances of all matches [3].
 
 Two photos from one point obey the homography K2 R K1^-1 wherever things are, which decides both focal lengths. Its
 epipolar geometry is that of a walk ahead as well, so a zoom must be ruled out before a walk is believed.
 
-RANSAC [6] finds a rotation and a zoom that many matches obey, and robust least squares refine them.
-
 References:
-    [1] Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004.
-    [2] Arandjelovic and Zisserman, "Three things everyone should know to improve object retrieval", CVPR 2012.
-    [3] Longuet-Higgins, "A computer algorithm for reconstructing a scene from two projections", Nature 1981.
-    [4] Nister, "An efficient solution to the five-point relative pose problem", PAMI 2004; OpenCV computes it.
-    [5] Sampson, "Fitting conic sections to very scattered data", CGIP 1982.
-    [6] Fischler and Bolles, "Random sample consensus", CACM 1981.
-    [7] Torr and Zisserman, "MLESAC", CVIU 2000.
+    [1] Longuet-Higgins, "A computer algorithm for reconstructing a scene from two projections", Nature 1981.
+    [2] Nister, "An efficient solution to the five-point relative pose problem", PAMI 2004; OpenCV computes it.
+    [3] Sampson, "Fitting conic sections to very scattered data", CGIP 1982.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-import lighting.geometry as geometry
-from lighting.errors import require_extra
 from lighting.geometry import Floats
+from lighting.registration.features import Matches, import_opencv
+from lighting.registration.robust_fit import (
+    INLIER_TOLERANCE,
+    LeastSquaresResult,
+    least_squares,
+    ransac_rotation,
+)
 from lighting.registration.rotations import (
     cross_matrix,
     focal_from_fov,
@@ -62,159 +60,6 @@ _FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenCV's axes (y down, z ahead) an
 
 _MAX_LOG_ZOOM = 50.0  # logarithm of a factor on a focal length, beyond any lens
 _FIRST = np.vstack([np.eye(3, 5), [0.0, 0.0, 0.0, 1.0, -1.0]])  # the first logarithm is the mean less half the ratio's
-
-MATCH_SIDE = 1024  # pixels of the longer side in which features are sought
-_MAX_FEATURES = 3000  # kept of a photo, the strongest
-EQUALIZATION_LIMIT = 3.0  # limit of the local equalisation before features are sought
-MIN_CONTRAST = 0.005  # contrast of a feature, in SIFT's unit
-MAX_DISTANCE_RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
-
-_TOLERANCE = 3.0  # pixels within which a match obeys
-_SAMPLES = 300  # pairs of matches tried for each focal length
-SCORED = 250  # matches, the surest, that each trial is scored on
-_STEP = 1e-6  # of each parameter, for the derivatives
-_MAX_STEPS = 25
-
-Residuals = Callable[[Floats], Floats]
-
-
-@dataclass(frozen=True, eq=False)
-class _LeastSquaresResult:
-    """Where the residuals are least, and how sure that is."""
-
-    parameters: Floats
-    """Parameters, (P,)."""
-    covariance: Floats
-    """(P, P) of them, from the scatter of the residuals."""
-    residuals: Floats
-    """(N,) at the parameters."""
-
-
-@dataclass(frozen=True, eq=False)
-class Features:
-    """A photo's features: their points and what they look like."""
-
-    points: Floats
-    """(N, 2) from the photo's centre, x right, y up, in units of half its diagonal."""
-    descriptors: NDArray[np.float32]
-    """(N, 128) of length 1; roots of SIFT's values [2]."""
-    width: int
-    """Pixels of the picture in which they were sought."""
-    height: int
-    """Rows of the picture, pixels."""
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        return self.width, self.height
-
-    @property
-    def pixel(self) -> float:
-        """One pixel in units of half the diagonal."""
-        return 2.0 / float(np.hypot(self.width, self.height))
-
-
-@dataclass(frozen=True, eq=False)
-class Matches:
-    """Pairs of points that look alike, the surest first."""
-
-    a: Floats
-    """(M, 2) in the first photo, as Features.points."""
-    b: Floats
-    """(M, 2) in the second."""
-    pixel: float
-    """The coarser photo's pixel in units of half its diagonal."""
-
-    def __len__(self) -> int:
-        return len(self.a)
-
-
-def import_opencv() -> Any:
-    """The module cv2; MissingExtraError where it is not installed."""
-    return require_extra("cv2", "Turns between photos need OpenCV", "all")
-
-
-def has_opencv() -> bool:
-    """Whether OpenCV is installed, without importing it."""
-    from importlib.util import find_spec
-
-    return find_spec("cv2") is not None
-
-
-def detect_features(
-    pixels: NDArray[np.uint8], max_side: int = MATCH_SIDE, max_features: int = _MAX_FEATURES
-) -> Features:
-    """The features of a photo.
-
-    Args:
-        pixels: (H, W, 3) sRGB or (H, W) gray, upright.
-        max_side: pixels of the longer side in which they are sought.
-        max_features: kept, the strongest.
-    """
-    cv2 = import_opencv()
-    gray = resize_to(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
-    height, width = gray.shape
-    even = cv2.createCLAHE(EQUALIZATION_LIMIT, (8, 8)).apply(gray)  # shade has features too
-    keypoints, descriptors = cv2.SIFT_create(max_features, contrastThreshold=MIN_CONTRAST).detectAndCompute(even, None)
-    if descriptors is None:
-        return Features(np.empty((0, 2)), np.empty((0, 128), np.float32), width, height)
-    corner = np.array([k.pt for k in keypoints], dtype=np.float64)
-    return Features(to_centered(corner, width, height), _rooted(descriptors), width, height)
-
-
-def resize_to(gray: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
-    """A gray picture, made smaller if its longer side has more than `max_side` pixels.
-
-    Args:
-        gray: (H, W) pixels.
-        max_side: pixels of the longer side.
-    """
-    cv2 = import_opencv()
-    height, width = gray.shape
-    size = geometry.shrink_size(width, height, max_side)
-    if size == (width, height):
-        return np.ascontiguousarray(gray)
-    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA))
-
-
-def to_centered(corner: Floats, width: int, height: int) -> Floats:
-    """Points (N, 2) as Features has them.
-
-    Args:
-        corner: (N, 2) pixels of OpenCV, whose first has its center at (0, 0).
-        width: pixels.
-        height: pixels.
-    """
-    offset = corner + 0.5 - np.array([0.5 * width, 0.5 * height])
-    return np.asarray(offset * np.array([1.0, -1.0]) * (2.0 / np.hypot(width, height)))
-
-
-def _rooted(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
-    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12)
-    return np.asarray(np.sqrt(descriptors / total), dtype=np.float32)
-
-
-def match_features(a: Features, b: Features) -> Matches:
-    """The features that are each other's nearest, clearly nearer than the next.
-
-    Args:
-        a: of the first photo.
-        b: of the second.
-    """
-    pixel = max(a.pixel, b.pixel)
-    if min(len(a.points), len(b.points)) < 2:
-        return Matches(np.empty((0, 2)), np.empty((0, 2)), pixel)
-    likeness = a.descriptors @ b.descriptors.T
-    forward, backward = np.argmax(likeness, axis=1), np.argmax(likeness, axis=0)
-    distance = np.sqrt(np.maximum(2.0 - 2.0 * np.partition(likeness, -2, axis=1)[:, -2:], 0.0))
-    quality = distance[:, 1] / np.maximum(distance[:, 0], 1e-9)
-    index = np.arange(len(a.points))
-    kept = index[(backward[forward] == index) & (quality < MAX_DISTANCE_RATIO)]
-    kept = kept[np.argsort(quality[kept], kind="stable")]
-    first, second = a.points[kept], b.points[forward[kept]]
-    _, distinct = np.unique(np.round(np.hstack([first, second]) / pixel), axis=0, return_index=True)
-    distinct.sort()  # SIFT gives one point several orientations; they are one witness
-    return Matches(first[distinct], second[distinct], pixel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,7 +162,7 @@ def _fit_rotation(matches: Matches, lens: _Lens) -> RelativeRotation | None:
     """The rotation of a camera that stayed where it was, or looks at far things only."""
     result = ransac_rotation(matches, lens.focal, lens.zooms())
     rotation, zoom = result.rotation, result.zoom
-    scale = _TOLERANCE * matches.pixel
+    scale = INLIER_TOLERANCE * matches.pixel
     for _ in range(2):
         near = _distances(matches, rotation, zoom, lens.focal) < 2.0 * scale
         if np.count_nonzero(near) < _MIN_INLIERS:
@@ -376,7 +221,7 @@ def _distances(matches: Matches, rotation: Floats, zoom: float, focal: tuple[flo
 
 def _refine_rotation(
     matches: Matches, near: NDArray[np.bool_], rotation: Floats, zoom: float, lens: _Lens
-) -> _LeastSquaresResult:
+) -> LeastSquaresResult:
     a, b = matches.a[near], matches.b[near]
 
     def residuals(at: Floats) -> Floats:
@@ -384,10 +229,10 @@ def _refine_rotation(
         scaled = (factor * lens.focal[0], factor * lens.focal[1])
         return _transfer_errors(a, b, rotation_about(at[:3]) @ rotation, scaled).ravel()
 
-    scale = _TOLERANCE * matches.pixel / 2.0
+    scale = INLIER_TOLERANCE * matches.pixel / 2.0
     prior = np.array([0.0, 0.0, 0.0, lens.prior()])
     expected = np.array([0.0, 0.0, 0.0, -np.log(zoom)])
-    return _least_squares(residuals, np.zeros(4), scale, prior, expected)
+    return least_squares(residuals, np.zeros(4), scale, prior, expected)
 
 
 def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: _Lens) -> NDArray[np.bool_]:
@@ -488,14 +333,14 @@ def _refine_motion(
     scale = _EPIPOLAR_TOLERANCE * matches.pixel
     inverse = np.array([0.0, 0.0, 0.0, prior, 0.0, 0.0])
     expected = np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0, 0.0])
-    fit = _least_squares(residuals, np.zeros(6), scale, inverse, expected)
+    fit = least_squares(residuals, np.zeros(6), scale, inverse, expected)
     return _Motion(*parts(fit.parameters), fit.covariance[:4, :4], np.abs(fit.residuals) < 2.0 * scale)
 
 
 def _sampson(
     matches: Matches, focal: tuple[float, float], rotation: Floats, translation: Floats, zoom: float
 ) -> Floats:
-    """Distances (M,) [half diagonals] of matches from their epipolar lines, to first order [5]."""
+    """Distances (M,) [half diagonals] of matches from their epipolar lines, to first order [3]."""
     one = np.ones((len(matches), 1))
     a, b = np.hstack([matches.a, one]), np.hstack([matches.b, one])
     from_a, from_b = (np.diag([1.0, 1.0, -zoom * f]) for f in focal)
@@ -545,15 +390,17 @@ def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean
         return _transfer_errors(matches.a, matches.b, *parts(at)).ravel()
 
     prior, expected = np.array([0.0, 0.0, 0.0, mean_prior, 0.0]), np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0])
-    scale = _TOLERANCE * matches.pixel
-    fit = _least_squares(residuals, np.zeros(5), scale / 2.0, prior, expected)
+    scale = INLIER_TOLERANCE * matches.pixel
+    fit = least_squares(residuals, np.zeros(5), scale / 2.0, prior, expected)
     errors = np.linalg.norm(fit.residuals.reshape(2, -1, 2), axis=-1)
     return _ZoomedPair(*parts(fit.parameters), _FIRST @ fit.covariance @ _FIRST.T, np.min(errors, axis=0) < scale)
 
 
 def _zoom_cost(matches: Matches, result: _ZoomedPair) -> float:
     """How far matches are from obeying, those far off counting for ever less (Cauchy)."""
-    errors = _transfer_errors(matches.a, matches.b, result.rotation, result.focal) / (_TOLERANCE * matches.pixel / 2.0)
+    errors = _transfer_errors(matches.a, matches.b, result.rotation, result.focal) / (
+        INLIER_TOLERANCE * matches.pixel / 2.0
+    )
     return float(np.sum(np.log1p(np.square(errors))))
 
 
@@ -579,111 +426,3 @@ def _transfer_errors(a: Floats, b: Floats, rotation: Floats, focal: tuple[float,
     forward = project_points(rays_through(a, focal[0]) @ rotation.T, focal[1]) - b
     backward = project_points(rays_through(b, focal[1]) @ rotation, focal[0]) - a
     return np.stack([forward, backward])
-
-
-def _least_squares(
-    residuals: Residuals, start: Floats, scale: float, prior: Floats | None = None, expected: Floats | None = None
-) -> _LeastSquaresResult:
-    """The parameters (P,) at which residuals are least, those beyond `scale` ever less weighted.
-
-    Args:
-        residuals: function of parameters (P,) to residuals (N,).
-        start: (P,) parameters to begin with.
-        scale: of the residuals, from which they count less.
-        prior: (P,) inverse variances of the parameters, for residuals of variance 1; None for no prior.
-        expected: (P,) parameters around which the prior lies; None for `start`.
-    """
-    at, damping = np.asarray(start, dtype=np.float64), 1e-3
-    prior_weight = np.zeros(len(at)) if prior is None else prior * scale * scale
-    center = at.copy() if expected is None else expected
-    value = residuals(at)
-    for _ in range(_MAX_STEPS):
-        slope, weight = _slope(residuals, at, value), _weights(value, scale)
-        normal = (slope * weight[:, None]).T @ slope + np.diag(prior_weight)
-        gradient = slope.T @ (weight * value) + prior_weight * (at - center)
-        step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
-        candidate = residuals(at + step)
-        if (
-            _cost(candidate, scale) + prior_weight @ (at + step - center) ** 2
-            < _cost(value, scale) + prior_weight @ (at - center) ** 2
-        ):
-            at, value, damping = at + step, candidate, 0.2 * damping
-        else:
-            damping *= 10.0
-        if np.abs(step).max() < 1e-8 or damping > 1e8:
-            break
-    return _LeastSquaresResult(at, _covariance(_slope(residuals, at, value), value, scale, prior_weight), value)
-
-
-def _slope(residuals: Residuals, at: Floats, value: Floats) -> Floats:
-    """Derivatives (N, P)."""
-    return np.stack([(residuals(at + step) - value) / _STEP for step in _STEP * np.eye(len(at))], axis=1)
-
-
-def _weights(value: Floats, scale: float) -> Floats:
-    return np.asarray(1.0 / (1.0 + np.square(value / scale)))
-
-
-def _cost(value: Floats, scale: float) -> float:
-    return float(scale * scale * np.sum(np.log1p(np.square(value / scale))))
-
-
-def _covariance(slope: Floats, value: Floats, scale: float, prior_weight: Floats) -> Floats:
-    """Covariance (P, P) of the parameters: the weighted scatter of the residuals times the inverse normal matrix."""
-    weight = _weights(value, scale)
-    scatter = float(weight @ np.square(value) / max(weight.sum() - len(prior_weight), 1.0))
-    normal = (slope * weight[:, None]).T @ slope / max(scatter, 1e-18) + np.diag(prior_weight) / (scale * scale)
-    return np.asarray(np.linalg.pinv(normal, hermitian=True))
-
-
-@dataclass(frozen=True, eq=False)
-class _RansacResult:
-    """The best trial."""
-
-    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
-    zoom: float  # both focal lengths times this
-
-
-def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequence[float]) -> _RansacResult:
-    """The rotation and the zoom that most of the surest matches obey.
-
-    Args:
-        matches: two or more.
-        focal: both focal lengths in half diagonals.
-        zooms: factors on both focal lengths to try.
-    """
-    rng = np.random.default_rng(0)  # the same answer every time
-    best, result = -np.inf, _RansacResult(np.eye(3), 1.0)
-    for zoom in zooms:
-        a, b = rays_through(matches.a[:SCORED], zoom * focal[0]), rays_through(matches.b[:SCORED], zoom * focal[1])
-        pairs = _pairs(len(a), rng)  # two rays each, which a trial takes as nearly as can be from `a` to `b`
-        trials = _frame(b[pairs]) @ np.swapaxes(_frame(a[pairs]), -1, -2)
-        scores = _scores(trials, a, b, _TOLERANCE * matches.pixel / (zoom * max(focal)))
-        if scores.max() > best:
-            best, result = float(scores.max()), _RansacResult(trials[int(np.argmax(scores))], zoom)
-    return result
-
-
-def _pairs(count: int, rng: "np.random.Generator") -> NDArray[np.intp]:
-    """Indices (_SAMPLES, 2) of two different matches each."""
-    first = rng.integers(0, count, _SAMPLES)
-    return np.stack([first, (first + rng.integers(1, count, _SAMPLES)) % count], axis=1)
-
-
-def _frame(two: Floats) -> Floats:
-    """Right-handed axes as columns (T, 3, 3), decided by two rays (T, 2, 3) alike."""
-    along = two[:, 0] + two[:, 1]
-    across = np.cross(two[:, 0], two[:, 1])
-    x = along / np.linalg.norm(along, axis=1, keepdims=True)
-    y = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    return np.stack([x, y, np.cross(x, y)], axis=-1)
-
-
-def _scores(trials: Floats, a: Floats, b: Floats, tolerance: float) -> Floats:
-    """For each rotation (T, 3, 3), how well rays (M, 3) are taken to theirs: each counts up to 1 (MSAC [7])."""
-    products = (b[:, :, None] * a[:, None, :]).reshape(len(a), 9)
-    scores = trials.reshape(-1, 9) @ products.T  # b . R a, by which |R a - b|^2 is 2 - 2 b . R a of unit vectors
-    scores -= 1.0
-    scores *= 2.0 / (tolerance * tolerance)
-    scores += 1.0
-    return np.asarray(np.maximum(scores, 0.0, out=scores).sum(axis=1))

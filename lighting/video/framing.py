@@ -20,7 +20,7 @@ from lighting.geometry import Floats, shrink_size
 from lighting.photo.borders import Layout, Rectangle, find_layout
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE, describe_layout
 from lighting.records import CodedWarning, WarningCode
-from lighting.registration.two_view import import_opencv
+from lighting.registration.features import import_opencv
 
 Pixels = NDArray[np.uint8]
 

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lighting.geometry import Floats, zoomed_fov
+from lighting.registration.features import Matches
 from lighting.registration.rotations import cross_matrix, focal_from_fov, rays_through, rotation_about
-from lighting.registration.two_view import Matches, RelativeRotation, estimate_rotation
+from lighting.registration.two_view import RelativeRotation, estimate_rotation
 from lighting.video.tracking import (
     GAP_KEYFRAMES,
     TRACKING_TOLERANCE,

@@ -44,7 +44,7 @@ from lighting.model import Model
 from lighting.photo.pixels import is_blank
 from lighting.photo.reader import Photo
 from lighting.records import EvidenceKind, Light, Prediction
-from lighting.registration.two_view import Matches, import_opencv, resize_to
+from lighting.registration.features import Matches, import_opencv, resize_to
 from lighting.sun_grid import HEADINGS, grid_solid_angle
 from lighting.tracing import trace_step
 from lighting.video.decode import Frame

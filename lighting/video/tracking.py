@@ -24,21 +24,18 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Prediction
-from lighting.registration.rotations import nearest_rotation, rays_through
-from lighting.registration.two_view import (
+from lighting.registration.features import (
     Features,
     Matches,
-    RelativeRotation,
     detect_features,
-    essential_motion,
-    estimate_rotation,
     import_opencv,
     match_features,
-    prefers_translation,
-    ransac_rotation,
     resize_to,
     to_centered,
 )
+from lighting.registration.robust_fit import ransac_rotation
+from lighting.registration.rotations import nearest_rotation, rays_through
+from lighting.registration.two_view import RelativeRotation, essential_motion, estimate_rotation, prefers_translation
 from lighting.video.decode import Clip, Frame
 from lighting.video.metadata import Gimbal
 

@@ -33,7 +33,7 @@ from lighting.geometry import camera_axes
 from lighting.ground import draw_ground_mask
 from lighting.photo.reader import TARGET, read_photo
 from lighting.records import Lighting, record_with_coefficients
-from lighting.registration.two_view import MATCH_SIDE, has_opencv
+from lighting.registration.features import MATCH_SIDE, has_opencv
 from lighting.scene import EXPORTERS
 from server.app import create_app
 from server.pages import BUNDLE

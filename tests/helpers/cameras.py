@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats, Pinhole, angles, camera_directions, sample_latlong
+from lighting.registration.features import Matches
 from lighting.registration.rotations import camera_from_world, focal_from_fov, project_points
-from lighting.registration.two_view import Matches
 
 SIZE = (640, 480)
 PIXEL = 2.0 / float(np.hypot(*SIZE))

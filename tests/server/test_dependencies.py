@@ -18,7 +18,7 @@ from lighting.errors import MissingExtraError, ModelError, PhotoTooLargeError
 from lighting.estimator import Estimator
 from lighting.photo.reader import TARGET
 from lighting.records import WarningCode
-from lighting.registration import photo_set, two_view
+from lighting.registration import features, photo_set
 from server.app import create_app
 from server.dependencies import NO_OPENCV, ROTATION_INFERRED, PhotoMatcher, Service, _Metrics
 from server.limits import UNKNOWN, ArrivingBody, ConnectionLimiter, PendingResponses, UploadLimiter
@@ -114,7 +114,7 @@ def test_without_opencv_the_answer_is_as_before_and_says_so(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     expected = records(client, FIRST, SECOND, match="false")
-    monkeypatch.setattr(two_view, "has_opencv", lambda: False)
+    monkeypatch.setattr(features, "has_opencv", lambda: False)
     for record, before in zip(records(client, FIRST, SECOND), expected, strict=True):
         assert record["warnings"].pop() == f"{NO_OPENCV} {ROTATION_INFERRED}"
         assert record.pop("warning_codes") == ["turn-inferred"]

@@ -23,7 +23,7 @@ from lighting.fusion.user_input import UserInput
 from lighting.map_options import Adjustments
 from lighting.photo.reader import read_photo
 from lighting.records import record_with_coefficients
-from lighting.registration.two_view import has_opencv
+from lighting.registration.features import has_opencv
 from server.problems import ProblemError
 from server.query_params import (
     SUN_BY_DEFAULT,

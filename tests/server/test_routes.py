@@ -16,7 +16,7 @@ from lighting.files.exr import read_exr
 from lighting.ground import find_lit_spot
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting, record_with_coefficients
-from lighting.registration.two_view import has_opencv
+from lighting.registration.features import has_opencv
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server import dependencies, responses
@@ -218,7 +218,7 @@ def test_the_model_describes_itself(client: TestClient) -> None:
 def test_the_model_says_whether_photos_are_matched(
     client: TestClient, monkeypatch: pytest.MonkeyPatch, there: bool
 ) -> None:
-    monkeypatch.setattr("lighting.registration.two_view.has_opencv", lambda: there)
+    monkeypatch.setattr("lighting.registration.features.has_opencv", lambda: there)
     assert client.get("/v1/model").json()["matching"] is there
 
 

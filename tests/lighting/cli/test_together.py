@@ -55,7 +55,7 @@ def test_photos_of_different_places_are_said_to_share_nothing(tmp_path: Path, ne
 def test_without_opencv_a_warning_says_what_is_missing(
     pair: list[Path], network: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lighting.registration.two_view.has_opencv", lambda: False)
+    monkeypatch.setattr("lighting.registration.features.has_opencv", lambda: False)
     result = invoke_command("estimate", "--together", "--no-exif", "--model", network, *pair)
     assert result.exit_code == 0
     assert result.stderr.count("OpenCV is not installed: pip install 'outdoor-lighting[all]'.") == 1

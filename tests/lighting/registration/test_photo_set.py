@@ -12,6 +12,7 @@ from lighting import runtime
 from lighting.errors import MissingExtraError, TurnsError
 from lighting.geometry import wrap_azimuth
 from lighting.registration import photo_set
+from lighting.registration.features import detect_features
 from lighting.registration.photo_set import (
     UP_STD,
     View,
@@ -21,7 +22,6 @@ from lighting.registration.photo_set import (
     register_views_isolated,
 )
 from lighting.registration.rotations import camera_from_world
-from lighting.registration.two_view import detect_features
 from tests.helpers.cameras import Camera, picture, texture
 
 FOV = 52.0

@@ -1,13 +1,16 @@
 """Pairs of cameras that rotate, move or zoom: what their matches tell."""
 
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from lighting.errors import MissingExtraError
 from lighting.geometry import Floats
+from lighting.registration.features import (
+    Matches,
+    detect_features,
+    match_features,
+)
 from lighting.registration.rotations import (
     camera_from_world,
     focal_from_fov,
@@ -17,29 +20,19 @@ from lighting.registration.rotations import (
     rotation_vector,
 )
 from lighting.registration.two_view import (
-    Matches,
     RelativeRotation,
     _epipolar_inliers,
     _estimate_zoom,
-    _least_squares,
     _sampson,
     _ZoomedPair,
-    detect_features,
     essential_motion,
     estimate_rotation,
-    has_opencv,
-    import_opencv,
-    match_features,
-    ransac_rotation,
-    resize_to,
-    to_centered,
 )
 from tests.helpers.cameras import PIXEL, SIZE, Camera, matches, picture, relative_rotation, texture
 
 pytestmark = pytest.mark.needs("cv2")
 A, B, STEP = (0.0, 2.0, 0.0), (20.0, -1.0, 1.0), (0.8, 0.0, -1.0)
 FOCAL = focal_from_fov(50.0, *SIZE)
-FLAT = np.full((480, 640, 3), 128, np.uint8)
 
 
 def test_matches_obey_the_turn_in_spite_of_another_exposure() -> None:
@@ -54,41 +47,6 @@ def test_matches_obey_the_turn_in_spite_of_another_exposure() -> None:
     )
     assert len(matched) > 50
     assert np.mean(errors < 3 * matched.pixel) > 0.9
-
-
-def test_a_flat_picture_has_no_features_and_no_matches() -> None:
-    flat = detect_features(FLAT)
-    assert len(flat.points) == 0
-    assert len(match_features(flat, flat)) == 0
-
-
-def test_a_picture_and_itself_match_point_by_point() -> None:
-    features = detect_features(picture(texture(), (0.0, 0.0, 0.0), 50.0))
-    matched = match_features(features, features)
-    assert len(matched) > 100
-    assert matched.a == pytest.approx(matched.b)
-
-
-def test_large_pictures_are_shrunk() -> None:
-    large = np.repeat(np.repeat(picture(texture(), (0.0, 0.0, 0.0), 50.0), 3, axis=0), 3, axis=1)
-    assert (detect_features(large).width, detect_features(large).height) == (1024, 768)
-
-
-def test_points_are_counted_from_the_centre_up_and_right() -> None:
-    corners = np.array([[-0.5, -0.5], [639.5, 479.5], [319.5, 239.5]])
-    assert to_centered(corners, 640, 480) == pytest.approx(np.array([[-0.8, 0.6], [0.8, -0.6], [0.0, 0.0]]))
-
-
-def test_without_opencv_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert has_opencv()
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(MissingExtraError, match=r"outdoor-lighting\[all\]"):
-        import_opencv()
-
-
-def test_small_pictures_keep_their_size() -> None:
-    small = np.arange(12, dtype=np.uint8).reshape(3, 4)
-    assert np.array_equal(resize_to(small, 4), small)
 
 
 def test_true_motion_leaves_matches_on_their_lines() -> None:
@@ -267,60 +225,3 @@ def test_who_walks_does_not_zoom() -> None:
     assert answer is not None
     assert answer.translates
     assert not answer.zoomed
-
-
-X = np.linspace(-1, 1, 200)
-TRUE = np.array([0.4, -1.3])
-
-
-def test_noise_of_known_size_gives_the_covariance_of_linear_regression() -> None:
-    noise = np.random.default_rng(0).normal(0, 0.05, len(X))
-    fit = _least_squares(lambda p: p[0] + p[1] * X - (TRUE[0] + TRUE[1] * X + noise), np.zeros(2), 0.5)
-    design = np.stack([np.ones_like(X), X], axis=1)
-    expected = 0.05**2 * np.linalg.inv(design.T @ design)
-    assert fit.parameters == pytest.approx(TRUE, abs=0.02)
-    assert np.sqrt(np.diag(fit.covariance)) == pytest.approx(np.sqrt(np.diag(expected)), rel=0.15)
-
-
-def test_a_fifth_of_gross_errors_moves_it_little() -> None:
-    values = TRUE[0] + TRUE[1] * X
-    values[::5] += 10.0
-    fit = _least_squares(lambda p: p[0] + p[1] * X - values, np.array([0.0, 0.0]), 0.1)
-    assert fit.parameters == pytest.approx(TRUE, abs=0.02)
-
-
-def test_a_prior_holds_what_the_data_leave_open() -> None:
-    """Its inverse variance of 4 is in units of residuals of variance 1, so that the spread is a half."""
-    values = TRUE[0] + np.random.default_rng(0).normal(0, 0.05, 50)
-    fit = _least_squares(lambda p: p[0] + 0.0 * p[1] - values, np.array([0.0, 2.0]), 0.1, np.array([0.0, 4.0]))
-    assert fit.parameters == pytest.approx([TRUE[0], 2.0], abs=0.02)
-    assert fit.covariance[1, 1] == pytest.approx(0.25, rel=0.01)
-
-
-FIRST, SECOND = (0.0, 5.0, 2.0), (-28.0, 1.0, -1.0)
-
-
-@pytest.mark.parametrize("wrong", [0.0, 0.5])
-def test_the_rotation_is_found_among_wrong_matches(wrong: float) -> None:
-    focal = focal_from_fov(50.0, *SIZE)
-    result = ransac_rotation(matches(FIRST, SECOND, 50.0, near=300.0, wrong=wrong), (focal, focal), [0.8, 1.0, 1.25])
-    assert result.zoom == 1.0
-    assert np.degrees(np.linalg.norm(rotation_vector(result.rotation @ relative_rotation(FIRST, SECOND).T))) < 1.0
-
-
-def test_the_same_matches_give_the_same_answer() -> None:
-    matched = matches(FIRST, SECOND, 50.0, near=300.0, wrong=0.5)
-    first, second = (ransac_rotation(matched, (1.2, 1.2), [0.9, 1.0, 1.1]) for _ in range(2))
-    assert (first.rotation == second.rotation).all()
-
-
-def test_a_strong_prior_keeps_a_parameter_where_it_is_expected() -> None:
-    prior, expected = np.array([1e12, 0.0]), np.array([0.0, 0.0])
-    fit = _least_squares(lambda p: p[0] + p[1] * X - (TRUE[0] + TRUE[1] * X), np.zeros(2), 1.0, prior, expected)
-    assert fit.parameters == pytest.approx([0.0, TRUE[1]], abs=0.02)
-    assert fit.covariance[0, 0] < 1e-9
-
-
-def test_residuals_at_the_answer_are_returned() -> None:
-    fit = _least_squares(lambda p: p[0] + p[1] * X - (TRUE[0] + TRUE[1] * X), np.zeros(2), 1.0)
-    assert np.abs(fit.residuals).max() < 1e-6

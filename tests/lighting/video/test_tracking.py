@@ -7,8 +7,9 @@ import pytest
 
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
+from lighting.registration.features import Matches
 from lighting.registration.rotations import camera_from_world, focal_from_fov, project_points, rotation_vector
-from lighting.registration.two_view import Matches, RelativeRotation
+from lighting.registration.two_view import RelativeRotation
 from lighting.video.intrinsics import constrains_fov
 from lighting.video.tracking import ClipMetadata, PointTracker, chain_gains, estimate_frame_rotation
 from tests.helpers.clips import FOV, SIZE, Pixels, frames, look, orientation, pan, seen
