@@ -487,7 +487,7 @@ def _normals_evaluate(data: Path, network: Path | None, quick: bool, tables: tup
     """
     from export.stereo.evaluate import TABLES
     from export.stereo.evaluate import evaluate_normals as run
-    from lighting.stereo.solver import Network
+    from lighting.stereo.normal_network import Network
 
     if unknown := set(tables).difference(TABLES):
         raise click.BadParameter(f"{min(unknown)} is no table; give one of {', '.join(TABLES)}.", param_hint="--table")

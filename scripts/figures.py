@@ -34,6 +34,7 @@ from lighting.preview.drawing import (
     rounded_mask,
 )
 from lighting.stereo.light_vectors import gray_skies
+from lighting.stereo.normal_network import Network
 from lighting.stereo.planner import (
     ModelledSkies,
     draw_plan,
@@ -43,7 +44,6 @@ from lighting.stereo.planner import (
     plan_title,
 )
 from lighting.stereo.schedule import Plan, PlanRequest, format_clock
-from lighting.stereo.solver import Network
 
 # axes: the frame, the angles and the environment map, all by lighting.geometry itself.
 

@@ -187,8 +187,8 @@ def _estimate_photos(request: Json, report: Report) -> Sequence[str]:
 
 def _estimate_normals(request: Json, report: Report) -> Sequence[str]:
     """`lighting stereo normals`."""
+    from lighting.stereo.normal_network import Network
     from lighting.stereo.output import NormalsOptions, NormalsProgress, estimate_normals, write_normals
-    from lighting.stereo.solver import Network
 
     limit_address_space(_MEMORY)
     renamed = _unpack(Path(request["upload"]), request["max_bytes"] // 2)

@@ -20,17 +20,16 @@ from export.stereo.surfaces import Surface, TriangleMesh, is_held_out, random_ro
 from lighting.errors import LightingError, require_extra
 from lighting.geometry import Floats
 from lighting.stereo.light_vectors import Skies, gray_skies, illumination_matrices
+from lighting.stereo.normal_network import Network
 from lighting.stereo.output import depth_error, integrate_normals
+from lighting.stereo.pose import camera_to_world, world_to_camera
 from lighting.stereo.solver import (
-    Network,
     Session,
     add_model_error,
     apply_network,
-    camera_to_world,
     fit_turbidity,
     solve_normals,
     solve_with_planes,
-    world_to_camera,
 )
 
 # Simulated sessions: a shape photographed over a day, solved from what the photographer knows of it.

@@ -43,18 +43,9 @@ from export.stereo.surfaces import (
 )
 from lighting.errors import ModelError
 from lighting.files import atomic_write
-from lighting.stereo.solver import (
-    BY_IMAGE,
-    SHARED,
-    Candidates,
-    Network,
-    NormalFeatures,
-    Pose,
-    make_candidates,
-    normal_features,
-    search_normals,
-    world_to_camera,
-)
+from lighting.stereo.normal_network import BY_IMAGE, SHARED, Network, NormalFeatures, normal_features
+from lighting.stereo.normal_search import Candidates, make_candidates, search_normals
+from lighting.stereo.pose import Pose, world_to_camera
 
 HELD_OUT_LATITUDES = ((33.0, 37.0), (45.0, 49.0))  # deg; training days are elsewhere
 IMAGES = 8

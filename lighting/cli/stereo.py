@@ -18,10 +18,10 @@ from lighting.files import escape_undecodable, output_folder_error
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
+    from lighting.stereo.normal_network import Network
     from lighting.stereo.output import NormalsOptions, NormalsProgress, NormalsResult
     from lighting.stereo.planner import PlanSkies
     from lighting.stereo.schedule import DayProgress, Plan, Window
-    from lighting.stereo.solver import Network
 
 
 @cli.group(
@@ -269,7 +269,7 @@ def _normals_options(sky: str | None, noise: float | None, size: int | None, **o
 
 
 def _network() -> "Network":
-    from lighting.stereo.solver import Network
+    from lighting.stereo.normal_network import Network
 
     return Network.load()
 

@@ -30,17 +30,15 @@ from lighting.photo.linear import Curve
 from lighting.records import GROUND_ALBEDO, Json
 from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies
 from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, gray_skies, sun_directions
+from lighting.stereo.normal_network import Network
+from lighting.stereo.normal_search import SearchProgress, ignore_progress
+from lighting.stereo.pose import Pose, camera_to_world
 from lighting.stereo.solver import (
     MIN_NOISE,
-    Network,
     NormalMap,
-    Pose,
-    SearchProgress,
     Session,
-    camera_to_world,
     find_other_heading,
     fit_turbidity,
-    ignore_progress,
     raise_error,
     solve_normals,
 )

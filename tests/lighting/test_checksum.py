@@ -22,7 +22,7 @@ from lighting.envmap.detail_library import load_detail_library
 from lighting.errors import ModelError
 from lighting.model import Model
 from lighting.sky import clear_sky
-from lighting.stereo.solver import Network, _packaged_network
+from lighting.stereo.normal_network import Network, _packaged_network
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
 LOADERS: dict[str, Callable[[], object]] = {
@@ -99,7 +99,7 @@ def test_a_damaged_file_is_named(
     copy = damaged_copy(tmp_path, name, data)
     monkeypatch.setattr(checksum, "DATA_FOLDER", copy)
     monkeypatch.setattr("lighting.model.DATA_FOLDER", copy)
-    monkeypatch.setattr("lighting.stereo.solver.DATA_FOLDER", copy)
+    monkeypatch.setattr("lighting.stereo.normal_network.DATA_FOLDER", copy)
     monkeypatch.setattr("lighting.envmap.detail_library.LIBRARY_PATH", copy / "detail.npy")
     for check in (LOADERS[name], verify_checksums):
         with pytest.raises(ModelError) as error:

@@ -25,7 +25,7 @@ from lighting.files.exr import read_exr
 from lighting.runtime import start_python
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.output import _write_png16
-from lighting.stereo.solver import Pose
+from lighting.stereo.pose import Pose
 from server import job_kinds, jobs
 from server.app import create_app
 from server.job_kinds import MAX_FILES, RESULT_FILE, _UploadError

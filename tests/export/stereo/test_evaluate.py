@@ -26,8 +26,9 @@ from export.stereo.surfaces import _of_height, rotate_surface
 from lighting.errors import LightingError
 from lighting.geometry import angle_between
 from lighting.stereo.light_vectors import clear_skies, gray_skies, sun_directions
+from lighting.stereo.normal_network import Network
 from lighting.stereo.schedule import normals_of_interest
-from lighting.stereo.solver import Network, Session
+from lighting.stereo.solver import Session
 
 
 class Errors:

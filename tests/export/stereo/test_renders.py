@@ -11,7 +11,7 @@ from export.stereo.evaluate import SEASONS
 from export.stereo.renders import Material, cast_shadows, read_subjects, shade_surface
 from export.stereo.surfaces import _of_height, project_mesh, random_relief, random_rotation, read_mesh, rotate_surface
 from lighting.stereo.light_vectors import Skies, gray_skies, illumination_matrices
-from lighting.stereo.solver import Pose, camera_to_world
+from lighting.stereo.pose import Pose, camera_to_world
 from tests.helpers.panoramas import OCTAHEDRON
 
 

@@ -24,7 +24,7 @@ from export.stereo.train import (
     _Served,
     train_normals,
 )
-from lighting.stereo.solver import BY_IMAGE, SHARED, _packaged_network
+from lighting.stereo.normal_network import BY_IMAGE, SHARED, _packaged_network
 
 
 def test_a_fresh_network_repeats_the_search_and_mirrors_with_its_input() -> None:

@@ -26,7 +26,7 @@ from lighting.stereo.capture import (
 )
 from lighting.stereo.light_vectors import CLEAR_TURBIDITY, Skies, _overcast_skies, clear_skies, sun_directions
 from lighting.stereo.output import _write_picture, _write_png16
-from lighting.stereo.solver import Pose
+from lighting.stereo.pose import Pose
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
 from tests.helpers.skies import JUNE, LATITUDE, ball, gray_blocks, june_suns, photos, write_photo
 

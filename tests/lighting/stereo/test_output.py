@@ -23,7 +23,8 @@ from lighting.stereo.output import (
     estimate_normals,
     integrate_normals,
 )
-from lighting.stereo.solver import NormalMap, Pose, camera_to_world
+from lighting.stereo.pose import Pose, camera_to_world
+from lighting.stereo.solver import NormalMap
 from tests.helpers.skies import JUNE, angles, ball, june_suns, photos
 
 
