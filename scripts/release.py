@@ -23,7 +23,16 @@ from scripts.book import ROOT, read_code_blocks
 NOTES, SUMS = "NOTES.md", "SHA256SUMS"
 _SECTION = re.compile(r"^## (.+)\n", re.MULTILINE)
 _TRIED = ("try", "command line", "python")  # marks of README's blocks, in their order
-_NEEDED = ("data", "network", "answer", "files", "page", "book")  # what `lighting doctor` finds in a good wheel
+_NEEDED = (
+    "data",
+    "network",
+    "answer",
+    "scenes",
+    "day",
+    "files",
+    "page",
+    "book",
+)  # what `lighting doctor` finds in a good wheel
 
 
 def main() -> None:

@@ -9,12 +9,14 @@ import sys
 from base64 import urlsafe_b64encode
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from datetime import datetime
+from dataclasses import asdict, dataclass, replace
+from datetime import date, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, packages_distributions, version
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING
 
 import click
@@ -34,6 +36,7 @@ from lighting.cli.options import FileName
 from lighting.confinement import describe_confinement
 from lighting.errors import ErrorCode, LightingError, PhotoError, install_command
 from lighting.files import escape_undecodable
+from lighting.scene import EXPORTERS
 from lighting.start import silence_libraries
 from lighting.version import __version__
 
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
 
     from lighting.photo.metadata import PhotoMetadata
     from lighting.photo.reader import Photo
+    from lighting.photo_estimate import Estimate
     from lighting.records import Json, Lighting
 
 
@@ -172,7 +176,8 @@ _EXTRAS = (  # what is optional: the module, what it is for, and how it is insta
     ("mcp", "MCP", "assistants, by `lighting mcp`", install_command("mcp")),
     ("ray", "Ray", "batches on several machines", install_command("ray")),
     ("torch", "PyTorch", "training", install_command("train")),
-    ("bpy", "bpy", "`scene --blend` without Blender", "pip install bpy"),
+    ("bpy", "bpy", "`scene --blend` without Blender", "pip install bpy, in Python 3.11 or 3.13"),
+    ("comfyui_frontend_package", "ComfyUI's frontend", "nodes", "see examples/comfyui"),
 )
 _SECONDS = 20.0  # that Blender may take to say its version
 
@@ -199,7 +204,7 @@ class _Finding:
 @click.option("-q", "--quiet", is_flag=True, help="Only what is broken and needed.")
 @click.pass_context
 def _doctor(ctx: click.Context, /, as_json: bool, quiet: bool) -> None:
-    """Say what works here: data, network, page, extras, Blender.
+    """Say what works here: data, network, scenes, page, extras, Blender.
 
     The exit status is 1 where something is missing or damaged that every photo needs.
     """
@@ -223,6 +228,8 @@ def _findings() -> Iterator[_Finding]:
     yield from _find_changed_files()
     yield _check("network", _check_network)
     yield _check("answer", _estimate_gray)
+    yield _check("scenes", _write_scenes, needed=False)
+    yield _check("day", _plan_day, needed=False)
     yield _Finding("sandbox", True, f"{describe_confinement()}; see SECURITY.md")
     yield from _find_pages()
     modules = packages_distributions()
@@ -271,12 +278,12 @@ def _is_as_installed(file: Path, listed: str) -> bool:
     return urlsafe_b64encode(digest).rstrip(b"=").decode() == value
 
 
-def _check(name: str, describe: Callable[[], str]) -> _Finding:
-    """A needed thing, whose description fails where it does not work."""
+def _check(name: str, describe: Callable[[], str], *, needed: bool = True) -> _Finding:
+    """A thing whose description fails where it does not work."""
     try:
-        return _Finding(name, True, describe(), needed=True)
+        return _Finding(name, True, describe(), needed)
     except (LightingError, OSError, ImportError) as error:
-        return _Finding(name, False, format_error(error), needed=True)
+        return _Finding(name, False, format_error(error), needed)
 
 
 def _check_network() -> str:
@@ -286,18 +293,41 @@ def _check_network() -> str:
     return f"{spec.name} {spec.version}"
 
 
-def _estimate_gray() -> str:
-    """Whether the whole way works, on a gray picture."""
-    from time import monotonic
-
+@cache
+def _gray_estimate() -> "Estimate":
     import numpy as np
 
     from lighting.estimator import Estimator
     from lighting.photo.reader import photo_from_array
 
+    return Estimator()(photo_from_array(np.full((96, 128, 3), 128, dtype=np.uint8)))
+
+
+def _estimate_gray() -> str:
+    """Whether the whole way works, on a gray picture."""
     began = monotonic()
-    Estimator()(photo_from_array(np.full((96, 128, 3), 128, dtype=np.uint8)))
+    _gray_estimate()
     return f"a gray picture took {monotonic() - began:.1f} s, the network's loading in it"
+
+
+def _write_scenes() -> str:
+    """Whether every tool's scene can be written, in memory."""
+    from lighting.map_options import MapOptions
+    from lighting.scene.writer import zip_scene
+
+    scene = _gray_estimate().make_scene(MapOptions(height=64))
+    for tool in EXPORTERS:
+        zip_scene(scene, tool)
+    return f"`scene --for` writes {', '.join(EXPORTERS)}"
+
+
+def _plan_day() -> str:
+    """Whether sun and clocks of another day are known, in Rome."""
+    from lighting.sun_study import plan_study
+
+    light = replace(_gray_estimate().lighting, latitude=41.89, longitude=12.48, camera_heading=0.0)
+    first, *_ = plan_study(light, date(2026, 12, 21), 60.0).hours
+    return f"`day` knows a place's clocks, such as {first.time:%Z} in Rome"
 
 
 def _find_pages() -> Iterator[_Finding]:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from base64 import urlsafe_b64encode
 from collections.abc import Iterator
+from errno import ENOENT
 from hashlib import sha256
 from importlib.metadata import Distribution, version
 from pathlib import Path
@@ -19,6 +20,7 @@ from lighting.cli.info import _find_changed_files
 from lighting.confinement import describe_confinement
 from lighting.envmap.render import render
 from lighting.files.exr import write_exr
+from lighting.scene import EXPORTERS
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, list_commands
 from tests.helpers.requirements import find
 
@@ -204,6 +206,10 @@ def test_the_doctor_says_what_works() -> None:
     assert findings["network"]["text"].startswith("outdoor ")
     assert {"answer", "page", "Blender", "bpy", "libraries"} <= findings.keys()
     assert findings["data"]["text"] == "6 networks and tables are intact"
+    assert findings["scenes"]["text"] == f"`scene --for` writes {', '.join(EXPORTERS)}"
+    assert "UTC+01:00 in Rome" in findings["day"]["text"]
+    assert findings["MCP"]["found"] is (find("mcp") is not None)
+    assert "examples/comfyui" in findings["ComfyUI's frontend"]["text"]
     assert findings["sandbox"]["text"].startswith(describe_confinement())
     assert findings["OpenCV"]["found"] is (find("cv2") is not None)
     assert f"numpy {version('numpy')}," in findings["libraries"]["text"]
@@ -233,6 +239,18 @@ def test_the_doctor_compares_with_what_was_installed(
     changed = "lighting/data/scene.usda, lighting/cli/info.py changed since the installation; install it again"
     assert finding.text == (changed if damaged else "3 are as they were installed")
     assert (finding.found, finding.needed) == (not damaged, damaged)
+
+
+def test_the_doctor_names_a_door_that_is_shut(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What not every photo needs is no failure."""
+
+    def fail(*_: object) -> bytes:
+        raise FileNotFoundError(ENOENT, "No such file or directory", "viewer.html")
+
+    monkeypatch.setattr("lighting.scene.writer.zip_scene", fail)
+    result = invoke_command("doctor")
+    assert result.exit_code == 0
+    assert "-        scenes: viewer.html: No such file or directory" in result.stdout
 
 
 def test_the_doctor_names_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
