@@ -41,6 +41,8 @@ _CHAPTERS = {  # pages of docs/ in the order of the contents; a chapter's other 
         "do/other-programs.md",
         "do/blender-extension.md",
         "do/assistants.md",
+        "do/comfyui.md",
+        "do/send-a-page.md",
         "do/sun-study.md",
         "do/many-photos.md",
         "do/several-photos.md",

@@ -57,7 +57,10 @@ class PhotoLight(io.ComfyNode):
 
 
 class PhotoCamera(io.ComfyNode):
-    """The camera of a record, for nodes that want a lens: MoGe takes `fov x`, others the intrinsics."""
+    """The pinhole of a record, its axis through the picture's middle, for users of MoGe and GeoCalib.
+
+    MoGe takes `fov x`. GeoCalib's nodes call `elevation` pitch and `fov y` vfov. Its Python takes `up` as its gravity.
+    """
 
     @classmethod
     def define_schema(cls) -> io.Schema:

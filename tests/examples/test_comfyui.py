@@ -97,15 +97,30 @@ def test_the_node_gives_map_sun_and_mask(module: Any) -> None:
     without = node.execute(photo=torch.from_numpy(photo)[None], map_height=64, sun=False)[0]
     assert without.max() < envmap.max()
 
-    fov_x, fov_y, *tilt, described = camera.execute(photo=torch.from_numpy(photo)[None], record=record)
+    _, fov_y, *tilt, _ = camera.execute(photo=torch.from_numpy(photo)[None], record=record)
     light = Lighting.from_dict(json.loads(record))
     assert (fov_y, *tilt) == (light.vertical_fov, light.camera_elevation, light.camera_roll)
-    assert np.tan(np.radians(fov_x / 2)) == pytest.approx(np.tan(np.radians(fov_y / 2)) * 320 / 240)
-    values = json.loads(described)
-    assert values["intrinsics"][0][0] * 320 == pytest.approx(values["intrinsics"][1][1] * 240)
-    x, y, z = values["up"]
-    assert np.degrees(np.arcsin(z)) == pytest.approx(light.camera_elevation, abs=1e-6)
-    assert np.degrees(np.arctan2(x, -y)) == pytest.approx(-light.camera_roll, abs=1e-6)
+
+
+@pytest.mark.parametrize(("elevation", "roll"), [(0.0, 0.0), (20.0, 0.0), (-10.0, 5.0), (30.0, -40.0)])
+def test_the_camera_is_that_of_moge_and_geocalib(module: Any, elevation: float, roll: float) -> None:
+    """Of a picture 320 wide and 240 high.
+
+    GeoCalib's gravity, from roll r and pitch p, is (-sin r cos p, -cos r cos p, sin p): x right, y down, z ahead.
+    MoGe's intrinsics are of a picture one wide and one high.
+    """
+    import torch
+
+    light = Lighting(0.0, 30.0, 3.0, 1.0, vertical_fov=60.0, camera_elevation=elevation, camera_roll=roll)
+    _, camera = nodes_of(module)
+    record = json.dumps(light.to_dict())
+    fov_x, *angles, described = camera.execute(photo=torch.zeros(1, 240, 320, 3), record=record)
+    assert angles == [60.0, elevation, roll]
+    values, (r, p) = json.loads(described), np.radians((roll, elevation))
+    assert values["up"] == pytest.approx([-np.sin(r) * np.cos(p), -np.cos(r) * np.cos(p), np.sin(p)])
+    (fx, _, cx), (_, fy, cy), _ = values["intrinsics"]
+    assert (cx, cy, fx * 320, fy * 240) == pytest.approx((0.5, 0.5, *[values["focal_length_pixels"]] * 2))
+    assert np.degrees(2 * np.arctan(0.5 / np.array([fx, fy]))) == pytest.approx([fov_x, 60.0])
 
 
 CORE = {  # of ComfyUI's own nodes in the workflow, the types of outputs and the names of inputs
@@ -147,6 +162,7 @@ def test_the_pack_has_what_the_registry_reads() -> None:
     assert pack["project"]["version"] == __version__
     assert re.fullmatch(r"[a-z0-9-]{1,100}", pack["project"]["name"])
     assert {"PublisherId", "DisplayName"} <= set(pack["tool"]["comfy"])
+    assert (pack["tool"]["comfy"]["PublisherId"], pack["project"]["urls"]["Repository"]) == ("", "")  # of who publishes
     major, minor, _ = __version__.split(".")
     assert pack["project"]["dependencies"] == [f"outdoor-lighting>={major}.{minor},<{major}.{int(minor) + 1}"]
 
