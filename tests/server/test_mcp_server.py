@@ -22,6 +22,7 @@ from lighting.records import Lighting
 from server.mcp_server import AllowedFolders
 from tests.conftest import encode, munich, scene
 from tests.helpers.pages import ROOT
+from tests.helpers.photos import png
 from tests.helpers.processes import error_of, invoke_command
 
 Call = Callable[..., Awaitable[CallToolResult]]
@@ -93,6 +94,7 @@ def test_every_tool_answers(folder: Path) -> None:
         assert "heading" in light.evidence
 
         said = (await call("explain_answer", photo="photo.jpg")).structured_content
+        validate(said, tools["explain_answer"].output_schema)
         assert said["trust"] in ("sure", "unsure", "no sun")
         assert sum(sun["probability"] for sun in said["candidates"]) == pytest.approx(1.0, abs=0.01)
         assert not any(text.startswith("time") for text in said["would_help"])  # which the photo has
@@ -105,6 +107,7 @@ def test_every_tool_answers(folder: Path) -> None:
 
         options = {"height": 64, "sun": "40,25"}
         made = await call("write_environment_map", photo="photo.jpg", output="map.exr", options=options)
+        validate(made.structured_content, tools["write_environment_map"].output_schema)
         assert made.structured_content["file"] == str(folder / "map.exr")
         image, record = read_exr(folder / "map.exr")
         assert image.shape == (64, 128, 3)
@@ -112,6 +115,7 @@ def test_every_tool_answers(folder: Path) -> None:
         assert record.sun_azimuth == 40.0
 
         made = await call("write_scene", photo="photo.jpg", tool="threejs", folder="page")
+        validate(made.structured_content, tools["write_scene"].output_schema)
         assert made.structured_content["files"] == ["scene.html"]
         assert str(folder / "page" / "scene.html") in made.structured_content["how_to_open"]
 
@@ -122,6 +126,7 @@ def test_nothing_leaves_the_folders_or_replaces_a_file(folder: Path) -> None:
     before = {path: path.read_bytes() for path in folder.parent.rglob("*.jpg")}
     (folder / "map.exr").write_bytes(b"mine")
     out, photo = str(folder.parent / "out.exr"), "photo.jpg"
+    (folder / "huge.png").write_bytes(png(100_000, 100_000, b"\0"))
     refused: list[tuple[str, dict[str, Any], str]] = [
         *(
             ("estimate_light", {"photo": name}, "is not below")
@@ -129,6 +134,7 @@ def test_nothing_leaves_the_folders_or_replaces_a_file(folder: Path) -> None:
         ),
         ("estimate_light", {"photo": "https://example.com/photo.jpg"}, "nothing is fetched"),
         ("estimate_light", {"photo": "nothing.jpg"}, "There is no file"),
+        ("estimate_light", {"photo": "huge.png"}, "more than its limit of 128 million pixels"),
         ("estimate_light", {"photo": photo, "known": {"latitude": 91}}, "latitude"),
         ("write_environment_map", {"photo": photo, "output": out}, "is not below"),
         ("write_environment_map", {"photo": photo, "output": "outside/out.exr"}, "is not below"),
