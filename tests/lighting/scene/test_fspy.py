@@ -2,6 +2,7 @@
 
 import json
 import struct
+import subprocess
 from io import BytesIO
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from PIL import Image
 from lighting.fusion.drawn_camera import read_fspy
 from lighting.geometry import camera_pixel
 from lighting.scene.writer import write_scene
+from tests.helpers.engines import PYTHON, needs_blender
 from tests.helpers.scenes import sunlit_scene
 
 
@@ -59,3 +61,30 @@ def test_vanishing_points_lie_where_the_axes_meet_the_picture(folder: Path) -> N
     focal = camera["relativeFocalLength"]
     assert np.hypot(ahead["x"], ahead["y"]) == pytest.approx(focal * abs(np.tan(pitch)))
     assert np.hypot(above["x"], above["y"]) == pytest.approx(focal / abs(np.tan(pitch)))
+
+
+IMPORT = """
+import json, math, bpy
+from mathutils import Matrix
+values = json.load(open("camera.json"))
+bpy.ops.object.camera_add()
+camera, render = bpy.context.active_object.data, bpy.context.scene.render
+camera.angle = values["horizontalFieldOfView"]
+render.resolution_x, render.resolution_y = values["imageWidth"], values["imageHeight"]
+for camera.sensor_fit in ("AUTO", "HORIZONTAL"):
+    x, y, z = camera.view_frame(scene=bpy.context.scene)[0]
+    print("FOUND", math.degrees(2 * math.atan(y / -z)))
+"""
+
+
+@pytest.mark.slow
+@needs_blender
+@pytest.mark.parametrize("size", [(48, 36), (36, 48)])
+def test_the_add_on_needs_a_horizontal_sensor_for_upright_photos(tmp_path: Path, size: tuple[int, int]) -> None:
+    """It sets `angle`, which Blender takes for the longer side's, and leaves the sensor's fit."""
+    scene = sunlit_scene(*size)
+    write_scene(scene, "fspy", tmp_path / "scene")
+    done = subprocess.run([PYTHON, "-c", IMPORT], cwd=tmp_path / "scene", capture_output=True, text=True, check=True)
+    left, fitted = (float(line.split()[1]) for line in done.stdout.splitlines() if line.startswith("FOUND"))
+    assert fitted == pytest.approx(scene.vertical_fov, abs=1e-3)
+    assert (left == pytest.approx(fitted, abs=1e-3)) is (size[0] > size[1])
