@@ -23,6 +23,7 @@ export async function visit(browser, url, seen, files) {
   seen.saved = await page.textContent("#saved");
   await saved(page, "#get-preview", folder, "preview.png");
   await page.setInputFiles("#file", [photo, other]);
+  await page.click("#together");
   await page.waitForSelector("#photos:not([hidden])");
   seen.preview.push(await preview(page));
   await page.context().close();

@@ -682,6 +682,21 @@ class TestSeveral:
     def seen(self, visits: Visit) -> Seen:
         return visits("several")
 
+    def test_photos_that_come_at_once_are_a_table_with_trust(self, seen: Seen) -> None:
+        notes, street, field = seen["table"]
+        assert notes == ["notes.txt", "notes.txt: This is a text, not a photo.", ""]
+        assert street[0] == STREET.name
+        assert field[0] == PHOTO.name
+        assert {street[2], field[2]} <= {"sure", "unsure", "no sun"}
+        assert all("sun" in row[1].casefold() for row in (street, field))
+        assert seen["faults"] == []
+
+    def test_each_opens_as_one_and_keeps_its_edits(self, seen: Seen) -> None:
+        first, second, again = seen["opened"]
+        assert (first[0], second[0]) == (STREET.name, PHOTO.name)
+        assert again == [STREET.name, "-180"]
+        assert seen["asked"] == 3  # once for each
+
     def test_photos_are_answered_together(self, seen: Seen) -> None:
         assert len(seen["together"]) == 2
         assert "other photos" in seen["evidence"]

@@ -82,8 +82,9 @@ async function refuseText(page, seen, photo, textFile) {
     await new Promise((resolve) => setTimeout(resolve, 300)); // the service's word on the picture comes first
     await route.continue();
   });
-  seen.errorOfOne = await refused(page, () => page.setInputFiles("#file", [photo, textFile]));
-  await page.setInputFiles("#file", Array(9).fill(photo));
+  const together = (files) => page.setInputFiles("#file", files).then(() => page.click("#together"));
+  seen.errorOfOne = await refused(page, () => together([photo, textFile]));
+  await together(Array(9).fill(photo));
   await page.waitForFunction(() => !/notes\.txt/.test(document.getElementById("error").textContent));
   seen.errorOfMany = await page.textContent("#error");
   await page.unroute("**/v1/lighting*");

@@ -48,12 +48,14 @@ import { drawMapMarkers, drawPhotoMarkers, SunHandle } from "./views/markers";
 import { MetadataView, showNumbers } from "./views/metadata";
 import { ObjectView } from "./views/object";
 import { Sliders } from "./views/sliders";
+import { PhotoTable, type Row } from "./views/table";
 import { Tools } from "./views/tools";
 import { listenForUploads, showMatching, showPhotos } from "./views/upload";
 
 interface EstimateRequest {
   sources: PhotoSource[];
   userInput: UserInput;
+  row?: Row; // of the table, which it opens
   before?: Session; // the answer on show, of the same photos
 }
 
@@ -80,6 +82,10 @@ const tools = new Tools({
 const downloads = new Downloads(settleLight, showError);
 const object = new ObjectView(editState, showError, requestMap);
 const metadata = new MetadataView(restate);
+const table = new PhotoTable(
+  (row) => submitPhotos({ sources: [row.source], userInput: NO_USER_INPUT, row }),
+  (sources) => submitPhotos({ sources, userInput: NO_USER_INPUT }),
+);
 const envmap = new EnvmapView(() => object.isDrawn, showExported);
 const sky = new SkyClient(showLight, showError);
 const debouncedEstimate = debounceLatest<EstimateRequest>(runEstimate, 0, failRequest);
@@ -95,7 +101,7 @@ const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height
 });
 
 listenForUploads({
-  takePhotos: (sources) => submitPhotos({ sources, userInput: NO_USER_INPUT }),
+  takePhotos,
   takeModel,
   takeProject: (file) => file.text().then((text) => openProject(() => readProject(text))),
   onError: showError,
@@ -147,6 +153,13 @@ async function offerByService(): Promise<void> {
   showMatching(info.matching);
   byId("jobs-note").hidden = !info.jobs;
   downloads.offer(info);
+}
+
+/** One photo is opened, several are listed. */
+function takePhotos(sources: PhotoSource[]): void {
+  table.show(sources.length > 1 ? sources : []);
+  if (sources.length > 1) document.body.toggleAttribute("data-answered", true);
+  else submitPhotos({ sources, userInput: NO_USER_INPUT });
 }
 
 function submitPhotos(request: EstimateRequest): void {
@@ -207,14 +220,21 @@ function setBusy(busy: boolean): void {
 }
 
 async function runEstimate(request: EstimateRequest, signal: AbortSignal): Promise<void> {
-  const { sources, before } = request;
+  const { sources, before, row } = request;
+  if (row?.answers) {
+    answers = row.answers;
+    showAnswers();
+    status.textContent = "";
+    return;
+  }
   const files = await Promise.all(sources.map(({ load }) => load(signal)));
   const project = (await isAwaited(files)) ? awaited : undefined;
   const userInput = project ? projectInput(project) : request.userInput;
   const startTime = performance.now();
   const decoding = before ? Promise.resolve([]) : Promise.all(files.map((file) => decodePhoto(file, signal)));
   decoding.catch(() => {}); // thrown below: the service's error comes first, for it names the photo
-  const estimates = await estimatePhotos(files, userInput, signal);
+  const known = userInput === NO_USER_INPUT && row?.estimate;
+  const estimates = known ? [known] : await estimatePhotos(files, userInput, signal);
   const decoded = await decoding;
   const views = await Promise.all(
     estimates.map(async (estimate, i) => {
@@ -224,7 +244,7 @@ async function runEstimate(request: EstimateRequest, signal: AbortSignal): Promi
     }),
   );
   if (signal.aborted) return;
-  showSession({ views, index: before?.index ?? 0 }, before);
+  showSession({ views, index: before?.index ?? 0 }, before, row);
   if (project) editState(project.edits, "project");
   else if (awaited && !before) showError(anotherPhoto(awaited.photo));
   if (project === awaited) awaited = undefined;
@@ -235,14 +255,20 @@ async function runEstimate(request: EstimateRequest, signal: AbortSignal): Promi
 }
 
 /** Shows an answer: another one about the photos on show, which can be undone, or one about other photos. */
-function showSession(answered: Session, before: Session | undefined): void {
+function showSession(answered: Session, before: Session | undefined, row: Row | undefined): void {
   if (before && answers) {
     for (const { history } of answers.state.views) history.dropRedo();
     answers.push(answered, "answer", ++answerCount);
   } else {
-    for (const { photo } of answers?.state.views ?? []) URL.revokeObjectURL(photo.url);
+    if (!table.holds(answers)) for (const { photo } of answers?.state.views ?? []) URL.revokeObjectURL(photo.url);
     answers = new History(answered);
+    if (row) row.answers = answers;
   }
+  showAnswers();
+}
+
+/** Shows what has become of the question. */
+function showAnswers(): void {
   clearErrors();
   document.body.toggleAttribute("data-answered", true);
   result.hidden = false;
@@ -278,6 +304,7 @@ function showPhoto(index: number): void {
   Object.assign(byId("photo"), { src: photo.url, alt: photo.file.name });
   byId("frame").style.setProperty("--aspect", String(aspectRatio(photo)));
   showPhotos(session, showPhoto);
+  table.mark(answers);
   showNumbers(estimate);
   candidates.show(estimate);
   tools.show(view, session.views.length === 1);

@@ -97,7 +97,8 @@ export function showPhotos({ views, index }: Session, onChoice: (index: number) 
   list.replaceChildren(
     ...views.map(({ photo, estimate }, i) => {
       const rotation = formatRotation(estimate, i);
-      const label = `Photo ${i + 1}, ${rotation && `${rotation}, `}sun ${formatAzimuth(estimate.sun.azimuth)}`;
+      const sun = [formatAzimuth(estimate.sun.azimuth), ...(estimate.trust ? [estimate.trust] : [])].join(", ");
+      const label = `Photo ${i + 1}, ${rotation && `${rotation}, `}sun ${sun}`;
       const picture = createElement("img", { src: photo.url, alt: "", width: 96, height: 72 });
       const button = createElement("button", { type: "button", title: photo.file.name }, picture, label);
       button.setAttribute("aria-pressed", String(i === index));
