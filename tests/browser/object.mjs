@@ -17,12 +17,25 @@ export async function visit(browser, url, seen, { small, groundMask, model, wide
   await page.waitForSelector("#stage:not([hidden])");
   await press(page.locator("#show-marks"));
   await page.evaluate(() => document.getElementById("frame").scrollIntoView({ block: "center" }));
+  await wipe(page, seen, folder);
   await movePlacement(page, seen, folder);
   await changeMaterial(page, seen, folder);
   await useOwnModel(page, seen, model, folder);
   await moveSun(page, seen, folder);
   await page.context().close();
   await measure(browser, url, seen, small, wideModel);
+}
+
+/** The picture with the wipe at either end, and where the object stands in it. */
+async function wipe(page, seen, folder) {
+  await press(page.locator("#compare"));
+  for (const value of ["0", "100"]) {
+    await page.locator("#wipe").fill(value);
+    await page.waitForTimeout(500);
+    await screenshotOf(page, `${folder}/wipe-${value}.png`);
+  }
+  seen.wipe = await foot(page);
+  await press(page.locator("#compare"));
 }
 
 /** The height that the page states of a sphere and of the user's own model; between them a slow drag. */

@@ -51,6 +51,7 @@ FIRST_VIEW = 150_000  # bytes, compressed, without the pictures of examples
 FIRST_PICTURES = 400_000  # bytes
 SHADOW_RATIO = 0.75  # of the light that is left in the object's shadow, at most: sun and sky of a clear day
 SIZE = (320, 240)
+SUNLIT, SHADED = (165, 156, 138), (45, 50, 62)  # ground
 METADATA = ["2024-08-10 14:28:12 (time zone by GPS)", "41.9058°\N{NO-BREAK SPACE}N, 12.4824°\N{NO-BREAK SPACE}E"]
 SAVE_OPTIONS: dict[str, dict[str, Any]] = {
     **{"jpg": {}, "png": {}, "webp": {}, "tif": {}, "avif": {}},
@@ -131,7 +132,7 @@ def halves() -> Image.Image:
     """A blue sky above ground in the sun, of which the right half lies in shade."""
     pixels = np.zeros((240, 320, 3))
     pixels[:120] = np.linspace((40, 90, 180), (150, 190, 235), 120)[:, None]
-    pixels[120:, :160], pixels[120:, 160:] = (165, 156, 138), (45, 50, 62)
+    pixels[120:, :160], pixels[120:, 160:] = SUNLIT, SHADED
     return Image.fromarray(pixels.astype(np.uint8))
 
 
@@ -445,6 +446,12 @@ class TestTools:
     def test_a_thing_of_known_size_is_stated(self, seen: Seen) -> None:
         assert seen["size"] == [["Size \N{MULTIPLICATION SIGN}"], True]
 
+    def test_two_upright_edges_tell_the_camera(self, seen: Seen) -> None:
+        chips, lines, evidence = seen["upright"]
+        assert chips == ["Upright edges \N{MULTIPLICATION SIGN}", "Size \N{MULTIPLICATION SIGN}"]
+        assert [len(line.split(",")) for line in lines.split(";")] == [4, 4]
+        assert "the lines that you drew" in evidence
+
 
 class TestProject:
     @pytest.fixture
@@ -513,6 +520,14 @@ class TestObject:
     @pytest.fixture
     def seen(self, visits: Visit) -> Seen:
         return visits("object")
+
+    def test_the_wipe_shows_the_photo_without_it(self, seen: Seen, folder: Path) -> None:
+        with_object, without = (read_rgb(folder / f"wipe-{value}.png") for value in (0, 100))
+        height, width, _ = without.shape
+        row, column = int(seen["wipe"][1] * height) - 8, int(seen["wipe"][0] * width)
+        place = np.s_[row - 6 : row, column - 9 : column - 3]  # left of the edge of the shade
+        assert np.abs(without[place] - SUNLIT).max() < 12
+        assert np.abs(with_object[place] - without[place]).mean() > 15
 
     def test_a_click_moves_it_there(self, seen: Seen) -> None:
         assert np.allclose(seen["clicked"], [0.44, 0.85], atol=0.01)
@@ -661,6 +676,8 @@ class TestDownloads:
         assert np.allclose(maps[0], maps[1], rtol=1e-3)
         assert np.allclose(maps[2], maps[3], rtol=1e-3)
         assert not np.allclose(maps[0], maps[2], rtol=1e-3)
+        assert "light.replace(sun=(-180" in seen["changedPython"]
+        assert len(seen["changedPython"].splitlines()) <= 6
 
     def test_without_the_table_of_the_sky_no_file_states_darkness(self, seen: Seen) -> None:
         assert "The sky's table could not be loaded" in seen["errorWithoutTable"]
@@ -709,6 +726,7 @@ class TestSeveral:
         for name in ("sun_azimuth", *irradiances, "camera_elevation", "camera_roll", "vertical_fov"):
             assert getattr(lighting, name) == pytest.approx(getattr(stated, name), rel=1e-5), name
         np.testing.assert_allclose(image, estimated_together([PHOTO, folder / DATED]), rtol=2e-2, atol=2e-3)
+        (folder / DATED.replace("jpg", "json")).write_bytes((folder / "together.json").read_bytes())
         for copied in seen["copies"]:
             run_copied(copied, folder)
             np.testing.assert_allclose(read_exr(folder / DATED.replace("jpg", "exr"))[0], image, atol=2e-3)

@@ -41,6 +41,20 @@ export async function visit(browser, url, seen, { street }) {
     await page.locator("#drawn button").allTextContents(),
     page.requests.some((a) => /reference=[^&]*4\.5/.test(a)),
   ];
+  await page.locator("#tools label", { hasText: "horizon" }).click();
+  await page.selectOption("#kinds", { label: "Upright edges" });
+  for (const right of [0.05, 0.77]) {
+    const at = await picture(page);
+    await page.mouse.move(...at(right, 0.95));
+    await page.mouse.down();
+    await page.mouse.move(...at(right, 0.2), { steps: 3 });
+    await stated(page, () => page.mouse.up(), 2);
+  }
+  seen.upright = [
+    await page.locator("#drawn button").allTextContents(),
+    new URL(page.requests.findLast((address) => address.includes("v1/lighting"))).searchParams.get("vertical"),
+    await page.textContent("#evidence"),
+  ];
   await page.context().close();
 }
 

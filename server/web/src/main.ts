@@ -298,7 +298,7 @@ function showPhoto(index: number): void {
   const { title, text, kind } = buildHeadline(estimate);
   byId("title").textContent = title.replaceAll("° ", "°\u00a0"); // no line ends inside an angle
   byId("title").className = kind;
-  byId("radii").textContent = text;
+  byId("more-text").textContent = text;
   foldResult(kind === "unsuitable");
   byId("model").textContent = `Network ${estimate.model.name} ${estimate.model.version}`;
   Object.assign(byId("photo"), { src: photo.url, alt: photo.file.name });

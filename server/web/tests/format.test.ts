@@ -104,7 +104,7 @@ describe("the headline", () => {
     expect(titleFor({ radius_50: 12 })).toBe("Sun about 54° right, 24° high");
     expect(titleFor({ radius_50: 30, azimuth: 95 })).toBe("Sun probably right of the camera");
     expect(titleFor({ radius_50: 60 })).toBe("The sun shines, but from where is hard to tell");
-    expect(buildHeadline(RECORD).text).toContain("within 9.5°, 90\u00a0% within 25°");
+    expect(buildHeadline(RECORD).text).toBe("");
   });
 
   it("says when no sun is to be seen", () => {
@@ -174,7 +174,7 @@ describe("light in words", () => {
     expect([-2, 3, 10, 24, 50, 80].map((elevation) => describeHeight(elevation).text)).toEqual([
       ...["below the horizon", "on the horizon", "low", "medium", "high", "overhead"],
     ]);
-    expect(describeHaze(6.5)).toEqual({ text: "hazy", hint: "turbidity 6.5" });
+    expect(describeHaze(6.5)).toEqual({ text: "hazy", hint: "6.5" });
   });
 
   it("counts the exposure from the photo's", () => {

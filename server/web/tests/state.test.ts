@@ -241,6 +241,7 @@ describe("the light on show as text", () => {
       longitude: "11.58",
     },
     overrides: undefined,
+    adjustments: undefined,
     height: 512,
     keyed: false,
   };
@@ -291,20 +292,32 @@ describe("the light on show as text", () => {
   });
 
   it("replaces the light in the Python program", () => {
-    expect(writePython(subject)).not.toContain("light.edit");
-    expect(writePython(movedInput)).toContain('    "sun_azimuth": -41.2,\n');
-    expect(writePython(movedInput)).toContain(", 512, sun=False)");
-    expect(writePython(movedInput)).not.toContain("irradiance");
+    expect(writePython(subject)).not.toContain("light.replace");
+    const changed = writePython({ ...movedInput, adjustments: { sun: [-41.2, 33], exposure: 0.5, haze: 4 } });
+    expect(changed).toContain("light = light.replace(sun=(-41.2, 33), exposure=0.5, haze=4)\n");
+    expect(changed).toContain(", 512, sun=False)");
+    expect(writePython({ ...movedInput, adjustments: { exposure: 0 } })).not.toContain("light.replace");
   });
 
-  it("replaces the camera where photos have one together, in both", () => {
+  it("reads the record where more has changed", () => {
+    const program = writePython({ ...movedInput, userInput: NO_USER_INPUT, adjustments: "record" });
+    expect(program).toContain("import json\nfrom lighting import Lighting, estimate\n");
+    expect(program).toContain(".replace(lighting=record)\n");
+    expect(program.trim().split("\n").length).toBeLessThanOrEqual(7);
+  });
+
+  it("states what was drawn in the Python program", () => {
+    const userInput = { ...NO_USER_INPUT, vertical: "1,2,3,4;5,6,7,8", horizon: "0,5,9,5" };
+    expect(writePython({ ...subject, userInput })).toContain(
+      'UserInput(verticals=["1,2,3,4", "5,6,7,8"], horizon="0,5,9,5")',
+    );
+  });
+
+  it("replaces the camera where photos have one together", () => {
     const record = { camera: { elevation: -1.25, roll: 0.5, vertical_fov: 51.9834 } } as Lighting;
     const changed = { ...overridesFromParameters(light), ...cameraOverrides(record) };
     expect(writeCurl({ ...subject, overrides: changed })).toContain(
       "&camera_elevation=-1.25&camera_roll=0.5&camera_vertical_fov=51.9834&",
-    );
-    expect(writePython({ ...subject, overrides: changed })).toContain(
-      '    "camera_elevation": -1.25,\n    "camera_roll": 0.5,\n    "vertical_fov": 51.9834,\n',
     );
   });
 
@@ -336,12 +349,6 @@ describe("the light on show as text", () => {
       ...overridesFromParameters(light),
       photo_exposure: 5,
     });
-    const program = writePython({ ...subject, overrides: statedOverrides(stated, light, irradiances) });
-    expect(program).toContain(
-      '    "sun_irradiance": (3.89, 4.28, 3.36123),\n    "sky_irradiance": (0.35, 0.62, 1.12),\n',
-    );
-    expect(program).toContain('    "sky_cover": 0.25,\n    "ground_color": (0.143, 0.1, 0.1),\n');
-    expect(program).toContain("light.edit(changes, photo_exposure=5)");
     const rotated = statedOverrides(stated, { ...light, exposure: 10 }, irradiances);
     expect(writeCurl({ ...subject, overrides: rotated })).toContain(
       "&sun=false&sky_exposure=10&photo_exposure=5&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",

@@ -12,7 +12,7 @@ export interface NamedValue {
 }
 
 /** 54 is "54° right". */
-function formatLateral(azimuth: number): string {
+export function formatLateral(azimuth: number): string {
   const size = Math.round(Math.abs(azimuth));
   if (size === 0) return "straight ahead";
   if (size === 180) return "straight behind";
@@ -97,7 +97,7 @@ interface Headline {
 const isSuitable = ({ suitable }: Lighting): boolean => suitable === undefined || suitable >= MIN_SUITABLE;
 
 export function buildHeadline(lighting: Lighting): Headline {
-  const { azimuth, elevation, radius_50, radius_90 } = lighting.sun;
+  const { azimuth, elevation, radius_50 } = lighting.sun;
   const position = `${formatAzimuth(azimuth)}, ${elevation.toFixed(0)}° high`;
   if (!isSuitable(lighting)) {
     const text = "Do not trust the answer below. Choose an outdoor photo, taken by day.";
@@ -114,10 +114,9 @@ export function buildHeadline(lighting: Lighting): Headline {
     const title = lighting.sun.visibility < MAX_NO_SUN ? "No direct sun" : "Probably no direct sun";
     return { title, text, kind: "grey" };
   }
-  const radiiText = `Half of the probability lies within ${formatShort(radius_50)}°, 90\u00a0% within ${formatShort(radius_90)}°.`;
-  if (radius_50 <= SURE_RADIUS) return { title: `Sun ${position}`, text: radiiText, kind: "sunny" };
-  if (radius_50 <= VAGUE_RADIUS) return { title: `Sun about ${position}`, text: radiiText, kind: "sunny" };
-  const bestGuess = `Best guess: ${position}. ${radiiText}`;
+  if (radius_50 <= SURE_RADIUS) return { title: `Sun ${position}`, text: "", kind: "sunny" };
+  if (radius_50 <= VAGUE_RADIUS) return { title: `Sun about ${position}`, text: "", kind: "sunny" };
+  const bestGuess = `Best guess: ${position}.`;
   if (radius_50 <= LOST_RADIUS) return { title: `Sun probably ${formatSide(azimuth)}`, text: bestGuess, kind: "sunny" };
   return { title: "The sun shines, but from where is hard to tell", text: bestGuess, kind: "sunny" };
 }
@@ -202,7 +201,7 @@ export const describeHeight = (elevation: number): Wording => ({
 
 export const describeHaze = (turbidity: number): Wording => ({
   text: wordFor(HAZES, turbidity),
-  hint: `turbidity ${turbidity.toFixed(1)}`,
+  hint: turbidity.toFixed(1),
 });
 
 /** Exposure against the estimate's. */

@@ -14,12 +14,17 @@ export interface UserInput {
   vertical_fov: string; // degrees
   headings: string; // of several photos, as 0,45,90
   camera_height: string; // meters above the ground
-  shadow: string; // drawn in one photo, as are the next two: x,y,x,y in its pixels, separated by ;
+  shadow: string; // drawn in one photo, as are the next three: x,y,x,y in its pixels, separated by ;
   horizon: string; // x,y,x,y
+  vertical: string; // upright edges, as the shadows
   reference: string; // x,y,x,y,meters
 }
 
-export type UserInputField = Exclude<keyof UserInput, "metadata" | "shadow" | "horizon" | "reference">;
+export type UserInputField = Exclude<keyof UserInput, "metadata" | DrawnField>;
+
+/** What is drawn on a photo. */
+export const DRAWN_FIELDS = ["shadow", "horizon", "vertical", "reference"] as const;
+export type DrawnField = (typeof DRAWN_FIELDS)[number];
 
 export const NO_USER_INPUT: UserInput = {
   metadata: true,
@@ -33,6 +38,7 @@ export const NO_USER_INPUT: UserInput = {
   camera_height: "",
   shadow: "",
   horizon: "",
+  vertical: "",
   reference: "",
 };
 
@@ -127,7 +133,7 @@ const EVIDENCE_TEXTS: Record<string, string> = {
   "focal length": "the lens's focal length",
   gravity: "how the camera was held",
   shadow: "the shadow that you drew",
-  "drawn camera": "the horizon that you drew",
+  "drawn camera": "the lines that you drew",
   "camera exposure": "the camera's exposure (how bright the scene was)",
   turns: "the turns between the photos",
   "other photos": "the other photos",

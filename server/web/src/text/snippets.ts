@@ -1,6 +1,6 @@
 /** The light on show as a command and as a program, to be copied. */
 
-import { formatValue, type LightOverrides, photoQuery } from "../api";
+import { type Adjustments, formatValue, type LightOverrides, photoQuery } from "../api";
 import { formatUtcOffset, parseUtcOffset, type UserInput } from "./metadata";
 
 export interface SnippetInput {
@@ -8,6 +8,7 @@ export interface SnippetInput {
   photo: string; // its file name
   userInput: UserInput;
   overrides: LightOverrides | undefined; // the light on show where it is another than the estimate
+  adjustments: Partial<Adjustments> | "record" | undefined; // the same in other words; "record": only that tells it
   height: number;
   keyed: boolean; // whether the service asks for an API key
 }
@@ -28,39 +29,37 @@ export function writeCurl({ origin, photo, userInput, overrides, height, keyed }
   return `curl -f${key} -F ${parts[0]} ${parts[1]} -o ${parts[2]}`;
 }
 
-/** A Python program that writes the same map with the library alone. */
-export function writePython({ photo, userInput, overrides, height }: SnippetInput): string {
+/** A Python program that writes the same map with the library alone; of some lights it reads the saved record. */
+export function writePython({ photo, userInput, overrides, adjustments, height }: SnippetInput): string {
   const input = userInputArguments(userInput);
-  const photoExposure = overrides?.photo_exposure;
-  const exposure = photoExposure === undefined ? "" : `, photo_exposure=${formatValue(photoExposure)}`;
+  const read = adjustments === "record";
+  const names = ["estimate", ...(input ? ["UserInput"] : []), ...(read ? ["Lighting"] : [])].sort();
   const sun = overrides ? `, sun=${overrides.sun ? "True" : "False"}` : "";
   const lines = [
-    ...(userInput.time ? ["from datetime import datetime", ""] : []),
-    `from lighting import ${input ? "UserInput, " : ""}estimate`,
+    ...(userInput.time ? ["from datetime import datetime"] : []),
+    ...(read ? ["import json"] : []),
+    `from lighting import ${names.join(", ")}`,
     "",
     `light = estimate(${quotePython(photo)}${input && `, UserInput(${input})`})`,
-    ...(overrides ? ["changes = {", ...overrideEntries(overrides), "}", `light = light.edit(changes${exposure})`] : []),
+    ...(read ? readRecord(photo, overrides?.photo_exposure) : replaceLight(adjustments)),
     `light.save(${quotePython(`${fileStem(photo)}.exr`)}, ${height}${sun})`,
   ];
   return `${lines.join("\n")}\n`;
 }
 
-/** The entries of the dictionary of changes, by the record's names. */
-function overrideEntries({ sky_exposure, camera_vertical_fov, ...light }: LightOverrides): string[] {
-  const { sun_azimuth, sun_elevation, turbidity, sun_irradiance, sky_irradiance, sky_cover, ground_color } = light;
-  const { camera_elevation, camera_roll } = light;
-  const changes = {
-    ...{ sun_azimuth, sun_elevation, turbidity, exposure: sky_exposure },
-    ...{ sun_irradiance, sky_irradiance, sky_cover, ground_color },
-    ...{ camera_elevation, camera_roll, vertical_fov: camera_vertical_fov },
-  };
-  return Object.entries(changes).flatMap(([name, value]) => {
-    if (value === undefined) return [];
-    return [
-      `    "${name}": ${typeof value === "number" ? formatValue(value) : `(${value.map(formatValue).join(", ")})`},`,
-    ];
-  });
+function replaceLight({ sun, exposure, haze }: Partial<Adjustments> = {}): string[] {
+  const changes = [
+    ...(sun ? [`sun=(${sun.map(formatValue).join(", ")})`] : []),
+    ...(exposure ? [`exposure=${formatValue(exposure)}`] : []),
+    ...(haze === undefined ? [] : [`haze=${formatValue(haze)}`]),
+  ];
+  return changes.length ? [`light = light.replace(${changes.join(", ")})`] : [];
 }
+
+const readRecord = (photo: string, photoExposure: number | undefined): string[] => [
+  `record = Lighting.from_dict(json.load(open(${quotePython(`${fileStem(photo)}.json`)})))`,
+  `light = light.edit({}, photo_exposure=${formatValue(photoExposure ?? 1)}).replace(lighting=record)`,
+];
 
 /** The arguments of `UserInput` for the user's input; empty where there is none. */
 function userInputArguments(userInput: UserInput): string {
@@ -77,8 +76,10 @@ function userInputArguments(userInput: UserInput): string {
     camera_height: userInput.camera_height,
   };
   for (const [name, value] of Object.entries(numbers)) if (value) parts.push(`${name}=${Number(value)}`);
-  const { shadow, horizon, reference } = userInput;
-  if (shadow) parts.push(`shadows=[${shadow.split(";").map(quotePython).join(", ")}]`);
+  const { shadow, vertical, horizon, reference } = userInput;
+  for (const [name, value] of Object.entries({ shadows: shadow, verticals: vertical })) {
+    if (value) parts.push(`${name}=[${value.split(";").map(quotePython).join(", ")}]`);
+  }
   for (const [name, value] of Object.entries({ horizon, reference })) {
     if (value) parts.push(`${name}=${quotePython(value)}`);
   }

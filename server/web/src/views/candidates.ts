@@ -2,7 +2,7 @@
 
 import { byId, createElement } from "../dom";
 import type { Angles } from "../geometry/angles";
-import { formatAzimuth, formatPercent, trustText } from "../text/format";
+import { formatLateral, formatPercent, trustText } from "../text/format";
 import type { Candidate, Estimate, LightParameters } from "../types";
 
 export class Candidates {
@@ -31,7 +31,7 @@ export class Candidates {
   }
 
   private chip(sun: Candidate): HTMLButtonElement {
-    const where = `${formatAzimuth(sun.azimuth)}, ${sun.elevation.toFixed(0)}° high`;
+    const where = `${formatLateral(sun.azimuth)}, ${sun.elevation.toFixed(0)}° high`;
     const share = createElement("small", { textContent: formatPercent(sun.probability) });
     const button = createElement("button", { type: "button" }, `${where} `, share);
     button.addEventListener("click", () => this.onPick(sun));

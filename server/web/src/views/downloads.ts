@@ -2,7 +2,15 @@
 
 import { type Adjustments, apiKey, fetchEnvmap, fetchPreview, fetchScene, type ModelInfo } from "../api";
 import { byId, createElement } from "../dom";
-import { buildRecord, currentState, isChanged, isToned, lightOverrides, type PhotoView } from "../state";
+import {
+  buildRecord,
+  currentState,
+  isChanged,
+  isToned,
+  lightOverrides,
+  type PhotoView,
+  parametersFromRecord,
+} from "../state";
 import { buildProject, identifyPhoto, type Project, projectLink } from "../text/project";
 import { type SnippetInput, writeCurl, writePython } from "../text/snippets";
 
@@ -73,7 +81,10 @@ export class Downloads {
 
   private async copy(kind: SnippetKind): Promise<void> {
     const view = await this.settle();
-    if (view) copySnippet(SNIPPETS[kind](snippetInput(view)), SNIPPET_NAMES[kind]);
+    if (!view) return;
+    const input = snippetInput(view);
+    const reads = kind === "python" && input.adjustments === "record";
+    copySnippet(SNIPPETS[kind](input), SNIPPET_NAMES[kind], reads ? "It reads the record: save that beside it." : "");
   }
 
   private async copyLink(): Promise<void> {
@@ -141,6 +152,17 @@ function adjustmentsOf(view: PhotoView): Adjustments | undefined {
   };
 }
 
+/** The same without what stays as it was; "record" where more has changed. */
+function changesOf(view: PhotoView): SnippetInput["adjustments"] {
+  if (view.together || isToned(currentState(view).parameters)) return "record";
+  const adjustments = adjustmentsOf(view);
+  if (!adjustments) return undefined;
+  const { sun, exposure, haze } = adjustments;
+  const estimated = parametersFromRecord(view.estimate);
+  const isMoved = sun && (sun[0] !== estimated.sun_azimuth || sun[1] !== estimated.sun_elevation || !estimated.sun);
+  return { ...(isMoved ? { sun } : {}), exposure, ...(haze === estimated.turbidity ? {} : { haze }) };
+}
+
 /** What goes with one photo alone: the preview, and the project. The preview is of one whose sun has the estimate's color and softness. */
 export function offerForOne(view: PhotoView): void {
   const note = view.together ? TOGETHER_NOTE : isToned(currentState(view).parameters) ? TONED_NOTE : "";
@@ -177,6 +199,7 @@ const snippetInput = (view: PhotoView): SnippetInput => ({
   photo: view.photo.file.name,
   userInput: view.userInput,
   overrides: lightOverrides(view),
+  adjustments: changesOf(view),
   height: mapHeight(),
   keyed: apiKey() !== null,
 });

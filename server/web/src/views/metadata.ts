@@ -6,6 +6,7 @@ import { cameraHeight } from "../geometry/placement";
 import type { PhotoView, Session } from "../state";
 import { estimateRows, explainAccuracy, type NamedValue } from "../text/format";
 import {
+  DRAWN_FIELDS,
   describeBelievedTime,
   describeBorrowed,
   describeCameraTilt,
@@ -45,7 +46,7 @@ export class MetadataView {
 
   show({ views }: Session, { estimate: answer, userInput }: PhotoView): void {
     this.metadata = answer.photo_metadata ?? {};
-    this.drawn = { shadow: userInput.shadow, horizon: userInput.horizon, reference: userInput.reference };
+    this.drawn = Object.fromEntries(DRAWN_FIELDS.map((field) => [field, userInput[field]]));
     const others = views.map(({ estimate }) => estimate.photo_metadata ?? {});
     const rows = [
       ...describeMetadata(this.metadata),

@@ -202,7 +202,20 @@ export class ObjectView {
     else this.note.textContent = "There is no ground: click below the horizon.";
   }
 
+  /** The wipe between the photo and the photo with the object. */
+  private listenForWipe(): void {
+    const wipe = byId<HTMLInputElement>("wipe");
+    const compare = byId<HTMLInputElement>("compare");
+    const move = (): void => byId("frame").style.setProperty("--wipe", `${wipe.value}%`);
+    move();
+    wipe.addEventListener("input", move);
+    compare.addEventListener("change", () => {
+      wipe.hidden = !compare.checked;
+    });
+  }
+
   private listen(): void {
+    this.listenForWipe();
     byId("put-in-sun").addEventListener("click", () => this.putInSun());
     this.canvas.addEventListener("pointerdown", (event) => {
       this.canvas.setPointerCapture(event.pointerId);

@@ -4,32 +4,65 @@ import { addRadioButtons, byId, createElement, createSvg, drawPath, findRadio } 
 import type { Point } from "../geometry/camera";
 import { shadowAzimuth } from "../geometry/marks";
 import type { PhotoView } from "../state";
-import type { UserInput } from "../text/metadata";
+import { DRAWN_FIELDS, type DrawnField, type UserInput } from "../text/metadata";
 
 const TOOLS = ["place", "sun", "shadow", "horizon", "size"] as const;
 type Tool = (typeof TOOLS)[number];
-type DrawnField = "shadow" | "horizon" | "reference";
 
-const FIELDS = { shadow: "shadow", horizon: "horizon", size: "reference" } as const;
-const HELP: Record<Tool, string> = {
+/** What a drag of a tool draws. */
+interface Kind {
+  name: string;
+  help: string;
+  field: DrawnField;
+  prefix?: string; // of what it states
+  taps?: boolean; // whether one point is all that is asked for
+}
+
+const HELP = {
   place: "Tap the ground, and the object stands there.",
   sun: "Drag anywhere: left and right turn the sun, up and down raise it.",
-  shadow: "Drag from the foot of a thing to the tip of its shadow.",
-  horizon: "Drag along the horizon, from left to right.",
-  size: "Drag from a thing's foot to its top; then say how high it is.",
 };
-const KINDS: Record<string, { name: string; help: string; taps?: boolean }> = {
-  "": { name: "from a foot to its tip", help: HELP.shadow },
-  own: {
-    name: "of my camera or hands",
-    help: "Tap the shadow of your camera, or of the hands that hold it.",
-    taps: true,
-  },
-  head: { name: "of my head", help: "Tap the shadow of your head.", taps: true },
-  line: { name: "without a foot", help: "Drag along a straight edge of a shadow on the ground." },
-  lit: { name: "on a wall, post or trunk", help: "Drag from the side in shade to the side in light." },
+const KINDS: Record<"shadow" | "horizon" | "size", Kind[]> = {
+  shadow: [
+    {
+      name: "Shadow from a foot to its tip",
+      help: "Drag from the foot of a thing to the tip of its shadow.",
+      field: "shadow",
+    },
+    {
+      name: "Shadow of my camera or hands",
+      help: "Tap the shadow of your camera, or of the hands that hold it.",
+      field: "shadow",
+      prefix: "own:",
+      taps: true,
+    },
+    { name: "Shadow of my head", help: "Tap the shadow of your head.", field: "shadow", prefix: "head:", taps: true },
+    {
+      name: "Shadow without a foot",
+      help: "Drag along a straight edge of a shadow on the ground.",
+      field: "shadow",
+      prefix: "line:",
+    },
+    {
+      name: "Shadow on a wall, post or trunk",
+      help: "Drag from the side in shade to the side in light.",
+      field: "shadow",
+      prefix: "lit:",
+    },
+  ],
+  horizon: [
+    { name: "Horizon", help: "Drag along the horizon, from left to right.", field: "horizon" },
+    { name: "Upright edges", help: "Drag along an edge that is upright, then along another.", field: "vertical" },
+  ],
+  size: [{ name: "Size", help: "Drag from a thing's foot to its top; then say how high it is.", field: "reference" }],
 };
-const NAMES: Record<DrawnField, string> = { shadow: "Shadow", horizon: "Horizon", reference: "Size" };
+const NAMES: Record<DrawnField, string> = {
+  shadow: "Shadow",
+  horizon: "Horizon",
+  vertical: "Upright edges",
+  reference: "Size",
+};
+const LISTS: readonly DrawnField[] = ["shadow", "vertical"]; // to which another one is added
 const LOUPE = 128; // CSS pixels
 const ZOOM = 2.5; // of the loupe
 const AWAY = 96; // CSS pixels from the finger to the loupe's middle
@@ -46,7 +79,7 @@ export class Tools {
   private readonly pad = byId<SVGSVGElement>("pad");
   private readonly loupe = byId<HTMLCanvasElement>("loupe");
   private readonly meters = byId<HTMLInputElement>("meters");
-  private readonly kind = byId<HTMLSelectElement>("shadow-kind");
+  private readonly kinds = byId<HTMLSelectElement>("kinds");
   private view: PhotoView | undefined;
   private tool: Tool = "place";
   private start: Point | undefined;
@@ -58,11 +91,10 @@ export class Tools {
     this.pad.addEventListener("pointermove", (event) => this.follow(event));
     this.pad.addEventListener("pointerup", (event) => this.finish(event));
     this.pad.addEventListener("pointercancel", () => this.clear());
-    for (const [value, { name }] of Object.entries(KINDS)) this.kind.append(new Option(`Shadow ${name}`, value));
-    this.kind.addEventListener("change", () => this.choose("shadow"));
+    this.kinds.addEventListener("change", () => this.explain());
     byId("size-form").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.state("reference", this.meters.value);
+      if (this.kind) this.state(this.kind, this.meters.value);
     });
     this.choose("place");
   }
@@ -71,9 +103,9 @@ export class Tools {
   show(view: PhotoView, alone: boolean): void {
     this.view = view;
     const draws = alone && view.photo.area !== undefined;
-    for (const tool of ["shadow", "horizon", "size"] as const) findRadio(byId("tools"), tool).disabled = !draws;
-    if (!draws && this.tool in FIELDS) this.choose("place");
-    const drawn = (Object.keys(NAMES) as DrawnField[]).filter((field) => view.userInput[field]);
+    for (const tool of Object.keys(KINDS)) findRadio(byId("tools"), tool).disabled = !draws;
+    if (!draws && this.tool in KINDS) this.choose("place");
+    const drawn = DRAWN_FIELDS.filter((field) => view.userInput[field]);
     byId("drawn").replaceChildren(...drawn.map((field) => createElement("li", {}, this.chip(field))));
     const asked = view.estimate.warnings.filter((_, i) => view.estimate.warning_codes?.[i] === "shadow-contradicted");
     byId("tool-warning").textContent = asked.join(" ");
@@ -91,9 +123,20 @@ export class Tools {
   private choose(tool: Tool): void {
     this.tool = tool;
     findRadio(byId("tools"), tool).checked = true;
-    this.kind.hidden = tool !== "shadow";
-    byId("tool-help").textContent = tool === "shadow" ? (KINDS[this.kind.value]?.help ?? "") : HELP[tool];
+    const kinds = tool in KINDS ? KINDS[tool as keyof typeof KINDS] : [];
+    this.kinds.replaceChildren(...kinds.map(({ name }, i) => new Option(name, String(i))));
+    this.kinds.hidden = kinds.length < 2;
     this.pad.toggleAttribute("hidden", tool === "place");
+    this.explain();
+  }
+
+  /** What a drag draws; undefined of tools that draw nothing. */
+  private get kind(): Kind | undefined {
+    return KINDS[this.tool as keyof typeof KINDS]?.[Number(this.kinds.value)];
+  }
+
+  private explain(): void {
+    byId("tool-help").textContent = this.kind?.help ?? HELP[this.tool as keyof typeof HELP];
     this.clear();
   }
 
@@ -121,7 +164,7 @@ export class Tools {
     this.end = this.pointOf(event);
     this.draw();
     this.drawLoupe(this.end);
-    if (this.tool !== "shadow" || this.kind.value || !this.isLongEnough() || !this.view) return;
+    if (this.tool !== "shadow" || this.kind?.prefix || !this.isLongEnough() || !this.view) return;
     const azimuth = shadowAzimuth(this.start, this.end, this.view.estimate.camera, this.size());
     if (azimuth !== undefined) this.actions.turnSun(azimuth);
   }
@@ -129,33 +172,30 @@ export class Tools {
   private finish(event: PointerEvent): void {
     this.loupe.hidden = true;
     if (this.tool === "sun") this.actions.forward(event);
-    else if (!this.start || !(this.isLongEnough() || this.isTap())) this.clear();
+    else if (!this.start || !this.kind || !(this.isLongEnough() || this.kind.taps)) this.clear();
     else if (this.tool === "size") {
       byId("size-form").hidden = false;
       this.meters.focus();
       this.meters.select();
-    } else if (this.tool !== "place") this.state(FIELDS[this.tool]);
+    } else this.state(this.kind);
   }
 
-  /** Asks for the answer with what was drawn; a second shadow is added to the first. */
-  private state(field: DrawnField, ...more: string[]): void {
+  /** Asks for the answer with what was drawn. */
+  private state({ field, prefix = "", taps }: Kind, ...more: string[]): void {
     const area = this.view?.photo.area;
     if (!this.view || !area || !this.start || !this.end) return;
     const { width, height } = this.size();
-    const points = this.isTap() ? [this.end] : [this.start, this.end];
+    const points = taps ? [this.end] : [this.start, this.end];
     const pixels = points.flatMap(([x, y]) => [
       (area.left + (x / width) * area.width).toFixed(1),
       (area.top + (y / height) * area.height).toFixed(1),
     ]);
-    const prefix = field === "shadow" && this.kind.value ? `${this.kind.value}:` : "";
     const text = prefix + [...pixels, ...more].join(",");
-    const before = field === "shadow" && this.view.userInput.shadow ? `${this.view.userInput.shadow};` : "";
-    this.actions.state({ ...this.view.userInput, [field]: before + text });
-  }
-
-  /** Whether one point is all that is asked for. */
-  private isTap(): boolean {
-    return this.tool === "shadow" && KINDS[this.kind.value]?.taps === true;
+    const before = this.view.userInput[field];
+    this.actions.state({
+      ...this.view.userInput,
+      [field]: before && LISTS.includes(field) ? `${before};${text}` : text,
+    });
   }
 
   private isLongEnough(): boolean {
