@@ -10,6 +10,7 @@ import argparse
 import re
 import shutil
 import sys
+import tomllib
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
@@ -41,6 +42,12 @@ def build(target: Path, command: str | None = None) -> Path:
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(info, data)
     return target
+
+
+def release_name() -> str:
+    """The name of a release's zip, as Blender names extensions: by the id and version of the manifest."""
+    manifest = tomllib.loads((SOURCE / "blender_manifest.toml").read_text(encoding="utf-8"))
+    return f"{manifest['id']}-{manifest['version']}.zip"
 
 
 def members() -> Iterator[tuple[str, bytes]]:

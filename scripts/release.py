@@ -47,7 +47,7 @@ def main() -> None:
     notes = release_notes((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), __version__, chosen.tag)
     subprocess.run(["uv", "build", "--quiet", "--out-dir", folder, ROOT], check=True)  # the wheel from the sdist
     (wheel,) = folder.glob("*.whl")
-    blender_extension.build(folder / f"light_from_photo-{__version__}.zip")
+    blender_extension.build(folder / blender_extension.release_name())
     (folder / NOTES).write_text(notes, encoding="utf-8")
     try_wheel(wheel)
     (folder / ".gitignore").unlink(missing_ok=True)  # of uv

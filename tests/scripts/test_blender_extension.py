@@ -5,6 +5,7 @@ import importlib
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -34,7 +35,7 @@ from lighting.records import Lighting, SunCandidate
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
 from lighting.version import __version__
-from scripts.blender_extension import ROOT, build, relative
+from scripts.blender_extension import ROOT, build, relative, release_name
 from tests.helpers.engines import CHROOT, PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
 from tests.helpers.scenes import sunlit_scene
 
@@ -100,6 +101,10 @@ def test_nothing_is_imported_but_blender_numpy_and_itself(package: Path) -> None
 
 def test_the_same_files_make_the_same_zip(package: Path, tmp_path: Path) -> None:
     assert build(tmp_path / "again.zip").read_bytes() == package.read_bytes()
+
+
+def test_a_release_names_it_as_blender_does() -> None:
+    assert re.fullmatch(r"light_from_photo-\d+\.\d+\.\d+\.zip", release_name())
 
 
 def test_imports_become_relative() -> None:
@@ -328,7 +333,7 @@ def test_the_zip_is_valid_by_blenders_own_rules(tmp_path: Path) -> None:
     program = Path(home, "addons_core", "bl_pkg", "cli", "blender_ext.py")
     if not program.is_file():
         pytest.skip("needs the extensions of Blender 4.2 or newer")
-    for zipped in (build(tmp_path / "released.zip"), build(tmp_path / "own.zip", "/usr/bin/true")):
+    for zipped in (build(tmp_path / release_name()), build(tmp_path / "own.zip", "/usr/bin/true")):
         done = subprocess.run([PYTHON, program, "validate", zipped], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
         assert "success" in (done.stdout + done.stderr).lower()
