@@ -168,8 +168,8 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
 def _estimate_photos(request: Json, report: Report) -> Sequence[str]:
     """`lighting batch`."""
     from lighting.batch.job import BatchJob, MapOutput
+    from lighting.batch.photo_search import find_photos
     from lighting.batch.pool import open_batch, run_pool
-    from lighting.batch.results import find_photos
 
     renamed = _unpack(Path(request["upload"]), request["max_bytes"] // 2)
     source, names = find_photos(str(_PHOTOS))

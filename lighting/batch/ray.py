@@ -15,18 +15,9 @@ from time import monotonic
 from typing import Any
 
 from lighting.batch import job as jobs
+from lighting.batch.photo_search import PHOTO_SUFFIXES, find_photos, is_set_aside
 from lighting.batch.pool import FOREIGN_MAP
-from lighting.batch.results import (
-    JOURNAL,
-    PHOTO_SUFFIXES,
-    SETTINGS,
-    TABLE,
-    find_photos,
-    has_lights,
-    is_set_aside,
-    table_row,
-    table_schema,
-)
+from lighting.batch.results import JOURNAL, SETTINGS, TABLE, has_lights, table_row, table_schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
 from lighting.files import escape_undecodable, is_own_map
 from lighting.photo.tags import MAX_SIDECAR_BYTES, read_sidecar

@@ -167,8 +167,9 @@ def _refuse_idle_options(ctx: click.Context) -> None:
 def _run_pool(options: _Options) -> "Summary":
     """What became of the photos."""
     from lighting.batch.job import Summary
+    from lighting.batch.photo_search import count_skipped, find_photos
     from lighting.batch.pool import open_batch, run_pool
-    from lighting.batch.results import TABLE, count_skipped, find_photos, require_parquet, write_parquet
+    from lighting.batch.results import TABLE, require_parquet, write_parquet
     from lighting.runtime import available_cpus
 
     began = monotonic()
@@ -191,8 +192,8 @@ def _run_pool(options: _Options) -> "Summary":
 
 def _run_ray(options: _Options) -> "Summary":
     """What became of the photos, in this run and in the earlier ones whose results are kept."""
+    from lighting.batch.photo_search import count_skipped
     from lighting.batch.ray import find_photos_at, run_ray
-    from lighting.batch.results import count_skipped
 
     source, names = find_photos_at(options.input)
     job = replace(options.job, source=source)

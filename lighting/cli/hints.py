@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from lighting.batch.results import PHOTO_SUFFIXES
+from lighting.batch.photo_search import PHOTO_SUFFIXES
 from lighting.errors import FOREIGN_NAMES
 from lighting.files import CLIP_SUFFIXES, MAP_FILE_SUFFIXES, is_address
 from lighting.scene import EXPORTERS

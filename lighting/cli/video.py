@@ -87,7 +87,7 @@ def _video(
     clip's metadata and from DJI's subtitles beside it, unless given here. The exit status is 1 where part of the clip
     has no answer.
     """
-    from lighting.batch.results import PHOTO_SUFFIXES
+    from lighting.batch.photo_search import PHOTO_SUFFIXES
     from lighting.errors import VideoError
     from lighting.model import Model
     from lighting.video import output as results

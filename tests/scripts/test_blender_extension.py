@@ -23,7 +23,7 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 import pytest
 
-from lighting.batch.results import PHOTO_SUFFIXES
+from lighting.batch.photo_search import PHOTO_SUFFIXES
 from lighting.envmap.relighting import adjust_lighting
 from lighting.envmap.render import render, sun_light
 from lighting.estimator import Estimator

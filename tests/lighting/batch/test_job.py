@@ -16,7 +16,7 @@ from lighting.batch.job import (
     job_settings,
     load_worker_estimator,
 )
-from lighting.batch.results import format_counts
+from lighting.batch.photo_search import format_counts
 from lighting.errors import BatchError, ModelError
 from lighting.files import FileOptions
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput

@@ -17,8 +17,8 @@ import pytest
 from click.testing import CliRunner
 from PIL import ExifTags, Image
 
+from lighting.batch.photo_search import find_photos
 from lighting.batch.pool import FOREIGN_MAP, _dismiss, _map_in_processes, _start
-from lighting.batch.results import find_photos
 from lighting.cli import cli
 from lighting.errors import BatchError, ModelError
 from lighting.estimator import Estimator
