@@ -20,8 +20,9 @@ from lighting.color import luminance
 from lighting.envmap.render import render, sun_light
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.photo.linear import LinearPhoto
-from lighting.probe.bracket import clipped_mask, make_bracket
+from lighting.probe.bracket import make_bracket
 from lighting.probe.develop import BracketSettings, Moment, Scan, make_probe, yaw_rotation
+from lighting.probe.exposure_ratios import clipped_mask
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens, resample_to_latlong, unproject_from_lens
 from lighting.records import Lighting
 from lighting.sky.clear_sky import sky_radiance, sun_disc_points, sun_disc_radiance

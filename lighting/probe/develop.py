@@ -27,17 +27,8 @@ from lighting.errors import ErrorCode, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
 from lighting.photo.linear import Curve
-from lighting.probe.bracket import (
-    SMOOTHING_REACH,
-    TIME_ATTRIBUTE,
-    Bracket,
-    ExposureRatios,
-    MergedHdr,
-    dequantize,
-    measure_ratios,
-    merge_exposures,
-    probe_path,
-)
+from lighting.probe.bracket import Bracket
+from lighting.probe.exposure_ratios import ExposureRatios, measure_ratios
 from lighting.probe.fisheye import (
     Lens,
     LensKind,
@@ -48,6 +39,8 @@ from lighting.probe.fisheye import (
     resample_to_latlong,
     unproject_from_lens,
 )
+from lighting.probe.merging import SMOOTHING_REACH, MergedHdr, dequantize, merge_exposures
+from lighting.probe.probe_files import TIME_ATTRIBUTE, probe_path
 from lighting.probe.sky_fit import Mask, SkyFit, SunBlob, find_sun_blob, fit_sky
 from lighting.records import GROUND_ALBEDO, Lighting
 from lighting.sky.clear_sky import sky_radiance

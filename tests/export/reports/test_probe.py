@@ -25,7 +25,7 @@ from lighting.color import luminance
 from lighting.envmap.render import sun_light
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction
-from lighting.probe.bracket import make_bracket, measure_ratios, read_bracket
+from lighting.probe.bracket import make_bracket, read_bracket
 from lighting.probe.develop import (
     SUN_CLEARANCE,
     BracketSettings,
@@ -36,6 +36,7 @@ from lighting.probe.develop import (
     make_probe,
     yaw_rotation,
 )
+from lighting.probe.exposure_ratios import measure_ratios
 from lighting.probe.fisheye import make_lens
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.clear_sky import sky_radiance

@@ -22,7 +22,7 @@ from lighting.envmap.render import render, sun_light
 from lighting.errors import ProbeError
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import angle_between, angles, camera_axes, direction, latlong_directions
-from lighting.probe.bracket import Bracket, make_bracket, probes_in
+from lighting.probe.bracket import Bracket, make_bracket
 from lighting.probe.develop import (
     BracketSettings,
     Moment,
@@ -41,6 +41,7 @@ from lighting.probe.develop import (
     yaw_rotation,
 )
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens
+from lighting.probe.probe_files import probes_in
 from lighting.probe.sky_fit import find_sun_blob
 from lighting.records import Lighting
 from lighting.sky.clear_sky import sky_radiance
