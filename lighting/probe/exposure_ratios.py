@@ -34,12 +34,21 @@ MIN_SURE_SAMPLES, MAX_SURE_ERROR = 1000, 0.02  # values, and relative error, of 
 
 
 def noise_variance(value: Any, step: Any) -> Any:
-    """Variance of values (...) of full scale that are rounded to steps (...); numbers for numbers."""
+    """Variance of values that are rounded to steps; numbers for numbers.
+
+    Args:
+        value: (...) of full scale.
+        step: (...) of full scale.
+    """
     return READ_NOISE**2 + step**2 / 12 + LIGHT_NOISE * np.maximum(value, 0)
 
 
 def max_terraced_value(step: float) -> float:
-    """The value under which noise is less than half a step of rounding; negative where it never is."""
+    """The value under which noise is less than half a step of rounding; negative where it never is.
+
+    Args:
+        step: of full scale.
+    """
     return (step**2 / 4 - READ_NOISE**2) / LIGHT_NOISE
 
 
@@ -123,7 +132,11 @@ def clipped_mask(photo: LinearPhoto) -> Mask:
 
 
 def dilate(mask: Mask) -> Mask:
-    """The mask (H, W) and the eight neighbours of each of its pixels: a lens and demosaicing smear over one."""
+    """The mask and the eight neighbours of each of its pixels: a lens and demosaicing smear over one.
+
+    Args:
+        mask: (H, W).
+    """
     wide = mask.copy()
     wide[1:] |= mask[:-1]
     wide[:-1] |= mask[1:]
