@@ -5,6 +5,8 @@ is in shade. The sun does not reach it, and it casts no shadow of the sun. Anyth
 shadow falls on lit ground alone.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -31,6 +33,7 @@ _BINS = 64  # of a histogram over it
 _MIN_STEP = 1.0  # stops between shade and sunlight; a smaller difference is the ground's own
 _MIN_PREDICTED_SHARE = 0.6  # of the predicted step
 _MIN_CLASS_SHARE = 0.03  # of the ground that the rarer class takes
+_GREENER, _BLUER = 0.3, 0.2  # stops of color by which grass differs from lit sand, and up to which it is no shade
 _THRESHOLD_REACH = 1.0  # stops from the threshold of ordinary ground, within which the picture's is sought first
 
 # Which ground is dappled. Of the photos of `train` whose sun the network doubts, 25 of 29 found so are in the sun.
@@ -70,16 +73,70 @@ def ground_shadow_mask(
     check_lighting(lighting)
     small = _shrink_photo(check_pixels(photo))
     height, width = small.shape[:2]
+    found = _find_ground(small, lighting, sun, segments)
+    if found is None:
+        return np.ones((height, width), dtype=np.float32)
+    lit = np.ones(found.shown.shape, dtype=np.float32)
+    lit[found.shown] = _sunlit_share(found, _white_level(lighting), lighting.sun_visibility)
+    return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
+
+
+def shaded_light(
+    photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None, segments: Segments | None = None
+) -> float | None:
+    """How bright a photo's shaded ground is beside its lit ground, 0 to 1; None where it does not show both.
+
+    Args:
+        photo: as that of `ground_shadow_mask`.
+        lighting: likewise.
+        sun: likewise.
+        segments: likewise.
+    """
+    found = _find_ground(_shrink_photo(photo), lighting, sun, segments)
+    return None if found is None or found.classes is None else float(2 ** (found.classes[0] - found.classes[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """What a photo shows of the ground under a sun."""
+
+    shown: NDArray[np.bool_]
+    """(h, w) where it does."""
+    stops: Floats
+    """(N,) log2 luminance there."""
+    step: float
+    """Stops between level ground in the sun and in shade, as the light predicts it."""
+    classes: tuple[float, float] | None
+    """Mean stops in shade and in the sun; None: all is of one kind."""
+
+
+def _find_ground(
+    small: NDArray[np.uint8], lighting: Lighting, sun: bool | None, segments: Segments | None
+) -> _Ground | None:
+    """The ground in a small photo; None where there is none, or no sun to tell."""
     shines = lighting.sun_painted if sun is None else sun
     step = _predicted_step(lighting) if shines else 0.0
     stops = _log_luminance(small)
     rays = camera_directions(photo_camera(lighting, stops.shape[1], stops.shape[0]))
-    ground = (rays[..., 1] < -_SIN_BELOW) & ~_shows_things(segments, stops.shape)
-    if step < _MIN_STEP or ground.mean() < _MIN_GROUND:
-        return np.ones((height, width), dtype=np.float32)
-    lit = np.ones(stops.shape, dtype=np.float32)
-    lit[ground] = _sunlit_share(stops[ground], _white_level(lighting), step, lighting.sun_visibility)
-    return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
+    shown = (rays[..., 1] < -_SIN_BELOW) & ~_shows_things(segments, stops.shape)
+    if step < _MIN_STEP or shown.mean() < _MIN_GROUND:
+        return None
+    middle = _white_level(lighting) + _LOG2_ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
+    classes = _classify_ground(stops[shown], middle, max(_MIN_STEP, _MIN_PREDICTED_SHARE * step))
+    if classes is not None and _is_grass_beside_sand(small, shown, stops > sum(classes) / 2):
+        classes = None
+    return _Ground(shown, stops[shown], step, classes)
+
+
+def _is_grass_beside_sand(small: NDArray[np.uint8], shown: NDArray[np.bool_], bright: NDArray[np.bool_]) -> bool:
+    """Whether the dark ground (h, w) is of another kind: greener than the bright one, and not bluer as shade is."""
+    channels = (_block_means(SRGB_LINEAR[small[..., channel]].astype(np.float64)) for channel in range(3))
+    red, green, blue = (np.log2(np.maximum(channel, 2.0 ** _LOG2_RANGE[0])) for channel in channels)
+    greener, bluer = (
+        float(np.median(tint[shown & ~bright]) - np.median(tint[shown & bright]))
+        for tint in (green - (red + blue) / 2, blue - red)
+    )
+    return greener > _GREENER and bluer < _BLUER
 
 
 def _shows_things(segments: Segments | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -195,14 +252,13 @@ def _level_luminances(lighting: Lighting) -> tuple[float, float]:
     return float(luminance(sky_irradiance(lighting))), direct
 
 
-def _sunlit_share(stops: Floats, level: float, step: float, visibility: float) -> Floats:
-    """The share (N,) of the sun at ground of log2 luminance (N,)."""
-    middle = level + _LOG2_ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
-    classes = _classify_ground(stops, middle, max(_MIN_STEP, _MIN_PREDICTED_SHARE * step))
-    if classes is None:
-        return np.full(len(stops), float(np.median(stops) >= level + _min_lit_albedo(step, visibility)))
-    dark, bright = classes
-    return np.asarray(np.clip((stops - (dark + bright) / 2) / (0.5 * (bright - dark)) + 0.5, 0, 1))
+def _sunlit_share(ground: _Ground, level: float, visibility: float) -> Floats:
+    """The share (N,) of the sun at the ground."""
+    if ground.classes is None:
+        lit = float(np.median(ground.stops)) >= level + _min_lit_albedo(ground.step, visibility)
+        return np.full(len(ground.stops), float(lit))
+    dark, bright = ground.classes
+    return np.asarray(np.clip((ground.stops - (dark + bright) / 2) / (0.5 * (bright - dark)) + 0.5, 0, 1))
 
 
 def _classify_ground(stops: Floats, middle: float, least: float) -> tuple[float, float] | None:

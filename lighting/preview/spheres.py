@@ -10,6 +10,7 @@ fall as in the photo. The ground has the color of the map's own ground, so it me
 `insert_balls` puts them into the photo, on the spot that its record states. A ball replaces the photo's pixels. The
 ground keeps them, times the share of its light that the balls leave. Where the picture's ground already lies in shade,
 only the sky's light is left to take. So no shadow darkens it twice. Balls that stand on such ground are in shade, too.
+Where the picture shows lit ground and shade, the balls' shadows become as dark as that.
 What stands before the ground, as people and plants do, keeps its light.
 """
 
@@ -20,10 +21,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import lighting.geometry as geometry
-from lighting.color import SRGB_LINEAR, srgb_bytes
+from lighting.color import SRGB_LINEAR, luminance, srgb_bytes
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
+from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shaded_light, shadow_receivers
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, dot_product, ray_sphere, sample_latlong
 from lighting.ground import object_radius
 from lighting.records import Lighting
@@ -59,6 +60,7 @@ _EPSILON = 1e-9  # stands for no light
 _FINE = 2  # rays per pixel and side on the balls and in their shadows
 _COARSE = 2  # pixels per ray and side on the ground where light changes slowly
 _FAR = 40.0  # radii from the balls to which they change the ground
+_OWN_SHADE = 2.0  # factor by which a photo's own shade may differ from the map's
 _CONTACT_END = 1.5  # radii from a ball's foot; within one, a ball shades whatever the picture shows there
 
 
@@ -483,14 +485,31 @@ def insert_balls(
     centers, radius = _ball_centers(camera, np.array(lighting.spot_direction), lighting.camera_height)
     moved = replace(scene, centers=centers.astype(np.float32))
     linear = SRGB_LINEAR[np.asarray(picture)]
-    lit = ground_shadow_mask(np.asarray(picture), lighting, sun=photo_sun, segments=segments)
+    pixels = np.asarray(picture)
+    lit = ground_shadow_mask(pixels, lighting, sun=photo_sun, segments=segments)
     in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
     standing = _dim_sun(moved, 0.0) if in_shade else moved
     points, near = _coarse_ground_points(camera, moved)
     exchanging = replace(moved, exchange=standing.exchange)
+    own = shaded_light(pixels, lighting, sun=photo_sun, segments=segments)
+    exchanging = exchanging if own is None else _shade_as(exchanging, own)
+    lit = np.zeros_like(lit) if in_shade else lit  # as the ground at their feet
     left = _remaining_light(lit, camera, exchanging, points, near, casts_shadow=not in_shade)
     left = _on_ground(left, segments, _enlarge(_contact_share(points, near, moved)[..., None], camera))
     return Image.fromarray(srgb_bytes(_composite_balls(linear * left, camera, standing, centers)))
+
+
+def _shade_as(scene: SphereScene, share: float) -> SphereScene:
+    """The scene with ground that is in shade as dark as the photo's own, within _OWN_SHADE of what the map says.
+
+    Args:
+        scene: the spheres and their light.
+        share: of the light of lit ground that is left in the photo's shade.
+    """
+    said = float(luminance(scene.ground_sky) / max(float(luminance(scene.ground)), _EPSILON))
+    gain = float(np.clip(share / max(said, _EPSILON), 1 / _OWN_SHADE, _OWN_SHADE))
+    sky = np.minimum(gain * scene.ground_sky, scene.ground)
+    return replace(scene, ground_sky=sky, exchange=tuple(gain * one for one in scene.exchange))
 
 
 def _on_ground(

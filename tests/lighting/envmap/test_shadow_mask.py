@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.color import tone_map
-from lighting.envmap.shadow_mask import _mean_sunlit, dappled_sunlight, ground_shadow_mask
+from lighting.color import luminance, tone_map
+from lighting.envmap.shadow_mask import _mean_sunlit, dappled_sunlight, ground_shadow_mask, shaded_light
 from lighting.geometry import Pinhole
 from lighting.records import Lighting
 from tests.helpers.predictions import (
@@ -80,6 +80,18 @@ def test_a_difference_that_the_light_does_not_make_is_the_grounds_own() -> None:
     level = 0.15 / np.pi * (np.array(SKY_IRRADIANCE) + 10 * SUN_ON_GROUND)
     assert ground_shadow_mask(photo(level, 0.45 * level), hard).min() == 1.0
     assert ground_shadow_mask(photo(5 * SUNLIT_GROUND, SUNLIT_GROUND), LIGHT).min() == 1.0
+
+
+def test_grass_beside_sand_is_no_shade() -> None:
+    sand, grass = (np.array(color) * SUNLIT_GROUND / GROUND_ALBEDO for color in ([0.4, 0.34, 0.27], [0.06, 0.09, 0.03]))
+    assert ground_shadow_mask(photo(sand, grass), LIGHT).min() == 1.0
+    assert shaded_light(photo(sand, grass), LIGHT) is None
+
+
+def test_shade_says_how_dark_it_is() -> None:
+    assert shaded_light(photo(SUNLIT_GROUND, SUNLIT_GROUND), LIGHT) is None
+    level = float(luminance(SHADED_GROUND) / luminance(SUNLIT_GROUND))
+    assert shaded_light(photo(SUNLIT_GROUND, SHADED_GROUND), LIGHT) == pytest.approx(level, rel=0.1)
 
 
 def test_masks_of_recorded_photos_stay() -> None:

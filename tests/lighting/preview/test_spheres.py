@@ -395,6 +395,15 @@ def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
     assert left.min() > 0.8
 
 
+@pytest.mark.parametrize("own", [0.6, 1.0, 1.3])
+def test_cast_shadows_are_as_dark_as_the_photos_own(own: float) -> None:
+    """The picture's left lies in shade that is darker, or brighter, than the light says."""
+    ground = np.broadcast_to(SUNLIT, (PHOTO_HEIGHT, PHOTO_WIDTH, 3)).copy()
+    ground[:, :24] = own * SHADED
+    share = (drawn(ground) / ground)[70:110, 100:150, 1]
+    assert np.median(share[share < 0.8]) == pytest.approx(own * SHADED[1] / SUNLIT[1], rel=0.25)
+
+
 def test_the_edges_of_shadows_are_smooth() -> None:
     """As with eight times as many rays each way, to a tenth; by a ray for two pixels they would be stairs."""
     moved = replace(balls_in_light(), centers=BALL_CENTERS)
