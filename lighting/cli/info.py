@@ -177,7 +177,7 @@ _EXTRAS = (  # what is optional: the module, what it is for, and how it is insta
     ("ray", "Ray", "batches on several machines", install_command("ray")),
     ("torch", "PyTorch", "training", install_command("train")),
     ("bpy", "bpy", "`scene --blend` without Blender", "pip install bpy, in Python 3.11 or 3.13"),
-    ("comfyui_frontend_package", "ComfyUI's frontend", "nodes", "see examples/comfyui"),
+    ("comfyui_frontend_package", "ComfyUI's frontend", "nodes", "see ComfyUI in the book"),
 )
 _SECONDS = 20.0  # that Blender may take to say its version
 

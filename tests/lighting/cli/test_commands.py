@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from errno import ENOENT
 from hashlib import sha256
 from importlib.metadata import Distribution, version
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -209,7 +210,7 @@ def test_the_doctor_says_what_works() -> None:
     assert findings["scenes"]["text"] == f"`scene --for` writes {', '.join(EXPORTERS)}"
     assert "UTC+01:00 in Rome" in findings["day"]["text"]
     assert findings["MCP"]["found"] is (find("mcp") is not None)
-    assert "examples/comfyui" in findings["ComfyUI's frontend"]["text"]
+    assert findings["ComfyUI's frontend"]["found"] is (find_spec("comfyui_frontend_package") is not None)
     assert findings["sandbox"]["text"].startswith(describe_confinement())
     assert findings["OpenCV"]["found"] is (find("cv2") is not None)
     assert f"numpy {version('numpy')}," in findings["libraries"]["text"]
