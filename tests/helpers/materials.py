@@ -47,6 +47,11 @@ def write_views(folder: Path) -> None:
         photo.crop((int(left * photo.width), 0, int((left + 0.7) * photo.width), photo.height)).save(folder / name)
 
 
+def write_unsure_photo(folder: Path) -> None:
+    """Write one in which the sun may be in two places."""
+    Image.open("examples/garden_windows.jpg").resize((800, 600)).save(folder / "photo.jpg")
+
+
 def write_clips(folder: Path) -> None:
     write_shot(folder / "shot.mp4")
     (folder / "drone.mp4").write_bytes((folder / "shot.mp4").read_bytes())
@@ -112,6 +117,7 @@ def write_day(folder: Path) -> None:
 
 
 MATERIALS: dict[str, Callable[[Path], None]] = {  # by page
+    "docs/do/correct-the-sun.md": write_unsure_photo,
     "docs/do/clips.md": write_clips,
     "docs/do/measure-a-sky.md": write_skies,
     "docs/do/photometric-stereo.md": write_day,
