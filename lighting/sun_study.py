@@ -66,13 +66,16 @@ class SunStudy:
     """What its user must know, in sentences."""
 
 
-def plan_study(lighting: Lighting, day: date, minutes: float, *, keep_location: bool = False) -> SunStudy:
+def plan_study(
+    lighting: Lighting, day: date, minutes: float, *, heading: float | None = None, keep_location: bool = False
+) -> SunStudy:
     """Return the light of a day, at equal times from midnight on, while the sun is above the horizon.
 
     Args:
         lighting: of the photo, with its place and heading.
         day: on the calendar of the place.
         minutes: between two times, 5 to 360.
+        heading: deg from true north, where the camera points if the light has no heading; None: unknown.
         keep_location: whether the lights hold latitude and longitude.
 
     Raises:
@@ -82,14 +85,16 @@ def plan_study(lighting: Lighting, day: date, minutes: float, *, keep_location: 
     if not low <= minutes <= high:
         sentence = f"Hours of a study are {low:g} to {high:g} minutes apart, not {minutes:g}."
         raise ParameterError(sentence, "every", ErrorCode.OUT_OF_RANGE)
+    if lighting.camera_heading is None and heading is not None:  # no time tells more
+        lighting = replace(lighting, camera_heading=heading % 360.0)
     place = _Place.of(lighting)
     base = lighting if keep_location else replace(lighting, latitude=None, longitude=None)
     hours = tuple(_lights(base, place, _times(place, day, minutes)))
     if not hours:
         raise ParameterError(_NO_SUN.format(day), "date", ErrorCode.OUT_OF_RANGE)
     radius = lighting.camera_heading_radius_90
-    heading = f"All suns may be turned by {radius or 0.0:.0f}°, as the heading may (9 of 10 lie within)."
-    told = (_GUESS, *(() if lighting.sun_shines else (_CLEAR,)), *((heading,) if radius else ()))
+    turned = f"All suns may be turned by {radius or 0.0:.0f}°, as the heading may (9 of 10 lie within)."
+    told = (_GUESS, *(() if lighting.sun_shines else (_CLEAR,)), *((turned,) if radius else ()))
     return SunStudy(hours, _sun_path(base, place, hours), told)
 
 

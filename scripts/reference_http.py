@@ -12,7 +12,7 @@ from server.settings import Settings
 _SERVICE = "http://127.0.0.1:8000"
 _SUFFIXES = {"image/x-exr": ".exr", "image/png": ".png", "image/jpeg": ".jpg", "application/zip": ".zip"}
 _JOB = "4d1c0a6f5e2b7398"  # an id as a job has one
-_PREDEFINED = {"for": "usd", "kind": "video", "x": "0.5", "y": "0.8"}  # what examples ask for
+_PREDEFINED = {"date": "2026-12-21", "for": "usd", "kind": "video", "x": "0.5", "y": "0.8"}  # what examples ask for
 _BASIC = ("400", "403", "421", "422", "431")  # problems that every route below /v1 may answer
 
 

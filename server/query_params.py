@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import fields
+from datetime import date
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 from fastapi import Request
@@ -19,6 +20,7 @@ from lighting.photo.reader import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Color, Json, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
 from lighting.scene.records import PLATE_SIDE
+from lighting.sun_study import STEP_RANGE
 from server import field_types as types
 from server.field_types import InRange, NotNull, RegistryName, field_error, parameter_range
 from server.problems import InvalidField, invalid_field_error, invalid_fields_error
@@ -122,6 +124,13 @@ class LightingQuery(UserInputQuery):
     photo_metadata: types.Flag = Field(
         False, description="add the file's own metadata with its location, to fill in a form"
     )
+
+
+class DayQuery(UserInputQuery):
+    """The day at a photo's place."""
+
+    day: date = Field(alias="date", description="on the calendar of the place", examples=["2026-12-21"])
+    every: Annotated[float, InRange(*STEP_RANGE, description="min between two times", examples=[60])] = 60.0
 
 
 class LightingsQuery(LightingQuery):

@@ -16,7 +16,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from lighting.files import MAP_FORMATS
 from lighting.model import METRICS
-from lighting.records import Json, Lighting, ModelSpec
+from lighting.records import Json, Lighting, ModelSpec, record_with_coefficients
 from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
@@ -35,6 +35,7 @@ from server.dependencies import (
 )
 from server.problems import problem_responses
 from server.query_params import (
+    DayQuery,
     EnvmapQuery,
     GroundQuery,
     LightingQuery,
@@ -49,7 +50,7 @@ from server.query_params import (
     refuse_parameters,
 )
 from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, FormRoute
-from server.schemas import LightingEstimate, LightingEstimates, LitSpot, ModelCard, Status
+from server.schemas import DayLight, LightingEstimate, LightingEstimates, LitSpot, ModelCard, Status
 
 _BINARY_SCHEMA = {"type": "string", "format": "binary"}
 _PARAMETERS_SCHEMA = {"type": "string", "description": "any parameter of the URL, in the form instead"}
@@ -251,6 +252,23 @@ async def _locate_lit_spot(
 ) -> JSONResponse:
     """The nearest point to (`x`, `y`) where firm ground lies in the sun, with room for an object."""
     return JSONResponse({"spot": await admission.run(tasks.find_lit_spot_in_photo, admission.service, photo, query)})
+
+
+@router.post(
+    "/day",
+    summary="The light of a day at a photo's place",
+    response_model=DayLight,
+    response_description="A record for each time from sunrise to sunset",
+    responses=_PHOTO_PROBLEMS,
+    openapi_extra=_body(_PHOTO_BODY),
+)
+async def _plan_day(admission: AdmissionDep, photo: PhotoDep, query: Annotated[DayQuery, Query()]) -> JSONResponse:
+    """The sun follows from place and heading, which the file or the client states. The place around is a guess."""
+    study = await admission.run(tasks.plan_day, admission.service, photo, query)
+    hours = [
+        {"time": hour.time.isoformat(), "lighting": record_with_coefficients(hour.lighting)} for hour in study.hours
+    ]
+    return JSONResponse({"hours": hours, "warnings": study.warnings})
 
 
 @_get_file("/scene", summary="A scene for another tool, of a sky", responses={200: _SCENE_RESPONSE, **_SKY_ANSWERS})

@@ -272,6 +272,17 @@ class LightingEstimates(BaseModel):
     lightings: list[LightingEstimate] = Field(min_length=1)
 
 
+class DayLight(BaseModel):
+    """The light of a day at a photo's place, while the sun is up."""
+
+    class Hour(BaseModel):
+        time: AwareDatetime = Field(description="on the clock of the place", examples=["2026-12-21T12:00:00+01:00"])
+        lighting: LightingRecord
+
+    hours: list[Hour] = Field(min_length=1)
+    warnings: _Texts = Field(description="what is a guess, and how sure the heading is")
+
+
 class LitSpot(BaseModel):
     """Where an object would stand in the sun."""
 

@@ -1,6 +1,7 @@
 """The CPU work of requests, in steps; between two steps a request stops if its client has disconnected."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from time import monotonic
 
 import numpy as np
@@ -21,6 +22,7 @@ from lighting.records import Lighting
 from lighting.rendered_map import render_map
 from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import zip_scene
+from lighting.sun_study import SunStudy, plan_study
 from lighting.tracing import trace_step
 from server import query_params as queries
 from server.dependencies import PhotoAnswer, PhotoMatcher, Service
@@ -227,6 +229,21 @@ def _draw_ground(service: Service, data: bytes, query: queries.GroundQuery) -> P
     with trace_step("map"):
         lit = ground_shadow_mask(estimate.photo.pixels, estimate.lighting, sun=query.sun, segments=estimate.segments)
         return draw_ground_mask(lit, estimate.lighting, estimate.segments)
+
+
+def plan_day(service: Service, data: bytes, query: queries.DayQuery) -> SunStudy:
+    """Estimate the light of a photo, and that of a day at its place.
+
+    Args:
+        service: reads the photo and estimates.
+        data: the bytes of a photo.
+        query: what the client states, the day and its steps.
+    """
+    user_input = query.user_input()
+    (estimate,) = service.estimate([service.read_photo(data)], replace(user_input, keep_location=True))
+    check_cancelled()
+    keep, heading = user_input.keep_location, user_input.heading
+    return plan_study(estimate.lighting, query.day, query.every, heading=heading, keep_location=keep)
 
 
 def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQuery) -> FileWithWarnings:

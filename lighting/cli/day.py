@@ -86,11 +86,9 @@ def _day(
     if photo != "-" and any(console.is_same_file(name, photo) for name in scene):
         raise click.UsageError("The scene would replace the photo; choose another folder.")
     estimate = estimate_file(photo, replace(user_input, keep_location=True), model)
-    keep, heading = user_input.keep_location, user_input.heading
-    if estimate.lighting.camera_heading is None and heading is not None:  # no time tells more
-        estimate = estimate.replace(lighting=replace(estimate.lighting, camera_heading=heading % 360.0))
+    keep = user_input.keep_location
     with usage_errors():
-        study = plan_study(estimate.lighting, day, every, keep_location=keep)
+        study = plan_study(estimate.lighting, day, every, heading=user_input.heading, keep_location=keep)
     if not keep:
         estimate = estimate.replace(lighting=replace(estimate.lighting, latitude=None, longitude=None))
     stage, *_ = write_sun_study(estimate, study, folder, view, overwrite=overwrite, name=photo)

@@ -245,6 +245,7 @@ def read_luminance(file: Path) -> NDArray[np.float64]:
         "metadata",
         "undo",
         "tools",
+        "day",
         "project",
         "object",
         "downloads",
@@ -451,6 +452,23 @@ class TestTools:
         assert chips == ["Upright edges \N{MULTIPLICATION SIGN}", "Size \N{MULTIPLICATION SIGN}"]
         assert [len(line.split(",")) for line in lines.split(";")] == [4, 4]
         assert "the lines that you drew" in evidence
+
+
+class TestDay:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("day")
+
+    def test_the_sun_of_midwinter_in_rome(self, seen: Seen) -> None:
+        (first, rising), (last, setting), (_, noonward) = seen["hours"]
+        assert ("07:30" <= first <= "07:50", "16:30" <= last <= "16:50") == (True, True)
+        assert max(rising, setting) < 3 < noonward < 25
+        assert "relit: a guess" in seen["note"]
+
+    def test_without_a_place_a_sentence_says_what_is_missing(self, seen: Seen) -> None:
+        sentence, slider = seen["withoutPlace"]
+        assert "latitude and longitude" in sentence
+        assert not slider
 
 
 class TestProject:

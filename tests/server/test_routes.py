@@ -268,6 +268,21 @@ def test_the_mask_of_the_ground_is_a_png(client: TestClient, jpeg: bytes) -> Non
     assert client.post("/v1/ground?camera_height=0", **form(jpeg)).status_code == 422
 
 
+def test_the_light_of_another_day(client: TestClient, jpeg: bytes) -> None:
+    place = "latitude=48.14&longitude=11.58"
+    answer = client.post(f"/v1/day?date=2026-12-21&every=120&heading=90&{place}", **form(jpeg)).json()
+    assert [hour["time"] for hour in answer["hours"]] == [f"2026-12-21T{hour}:00:00+01:00" for hour in (10, 12, 14, 16)]
+    noon = answer["hours"][1]["lighting"]
+    assert noon["sun"]["elevation"] == pytest.approx(18.4, abs=0.3)
+    assert noon["sun"]["azimuth"] == pytest.approx(177 - 90, abs=3)
+    assert "place" not in noon
+    assert "The place around the photo is relit: a guess." in answer["warnings"]
+    for query, field in ((f"heading=90&{place}&date=x", "date"), ("heading=90&date=2026-12-21", "latitude")):
+        refused = client.post(f"/v1/day?{query}", **form(jpeg))
+        assert refused.status_code == 422
+        assert refused.json()["errors"][0]["field"] == field
+
+
 def test_the_nearest_ground_in_the_sun(client: TestClient, jpeg: bytes) -> None:
     mask = np.asarray(Image.open(BytesIO(client.post("/v1/ground", **form(jpeg)).content)))
     for point in ((0.5, 0.8), (0.0, 1.0)):

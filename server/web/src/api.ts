@@ -3,7 +3,7 @@
 import type { Point } from "./geometry/camera";
 import type { Triple } from "./geometry/color";
 import { type UserInput, userInputQuery } from "./text/metadata";
-import type { Estimate, LightOverrides } from "./types";
+import type { Estimate, Lighting, LightOverrides } from "./types";
 
 export type * from "./types";
 
@@ -60,6 +60,25 @@ export async function fetchLitSpot(photo: Blob, userInput: UserInput, [x, y]: Po
   for (const [name, share] of Object.entries({ x, y })) query.set(name, formatNumber(Math.min(Math.max(share, 0), 1)));
   const answer = await request(`v1/ground/lit-spot?${query}`, { method: "POST", body: buildForm([photo]) });
   return ((await answer.json()) as { spot: Point | null }).spot;
+}
+
+/** The light at a time of a day. */
+export interface DayHour {
+  time: string; // on the clock of the place
+  lighting: Lighting;
+}
+
+/** The light of a day at the photo's place, every ten minutes while the sun is up. */
+export async function fetchDay(
+  photo: Blob,
+  userInput: UserInput,
+  date: string,
+  signal: AbortSignal,
+): Promise<{ hours: DayHour[]; warnings: string[] }> {
+  const query = userInputQuery(userInput, 1);
+  query.set("date", date);
+  query.set("every", "10");
+  return (await request(`v1/day?${query}`, { method: "POST", body: buildForm([photo]), signal })).json();
 }
 
 /** An example's file. */

@@ -40,6 +40,7 @@ import {
   readProject,
 } from "./text/project";
 import { Candidates } from "./views/candidates";
+import { DayView } from "./views/day";
 import { Dome } from "./views/dome";
 import { Downloads, hideSnippet, offerForOne } from "./views/downloads";
 import { EnvmapView } from "./views/envmap";
@@ -74,6 +75,9 @@ const candidates = new Candidates(({ azimuth, elevation }) =>
 );
 const sunHandle = new SunHandle((sun) => moveSun(sun, "sun in the picture"));
 const sliders = new Sliders(editLight);
+const day = new DayView(({ azimuth, elevation }) =>
+  editLight({ sun_azimuth: azimuth, sun_elevation: elevation, sun: true }, "hour"),
+);
 const tools = new Tools({
   turnSun: (azimuth) => editLight({ sun_azimuth: azimuth, sun: true }, "shadow"),
   forward: (event) => sunHandle.drag(event),
@@ -308,6 +312,7 @@ function showPhoto(index: number): void {
   showNumbers(estimate);
   candidates.show(estimate);
   tools.show(view, session.views.length === 1);
+  day.show(view, session.views.length === 1);
   metadata.show(session, view);
   dome.show(estimate, aspectRatio(photo));
   object.open(view);
