@@ -15,7 +15,10 @@ from lighting.geometry import Floats, angle_between, angles, direction, wrap_azi
 from lighting.model import Model
 from lighting.photo.reader import read_photo
 
-_HEADINGS = "marks", "n", "azimuth: median", "90 %", "whole: median", "90 %", "network: azimuth", "whole", "regions"
+_HEADINGS = (
+    *("marks", "n", "azimuth: median", "90 %", "whole: median", "90 %"),
+    *("network: azimuth: median", "90 %", "whole: median", "90 %", "50 and 90 % regions hold"),
+)
 
 
 @dataclass(frozen=True)
@@ -49,10 +52,13 @@ def report_shadows(model: Model, data: Path) -> str:
     answers = [answer for row in rows if (answer := _answer(estimator, data, row)) is not None]
     text = [f"{len(rows) - len(answers)} marks were refused.", "", f"| {' | '.join(_HEADINGS)} |"]
     text.append("|---" * len(_HEADINGS) + "|")
-    groups = {"all sure ones in crops": [answer for answer in answers if answer.group.startswith("crops, sure")]}
+    groups = {
+        f"all {sure} ones in crops": [answer for answer in answers if answer.group.startswith(f"crops, {sure}")]
+        for sure in ("sure", "doubtful")
+    }
     for answer in answers:
         groups.setdefault(answer.group, []).append(answer)
-    return "\n".join([*text, *(_row(name, members) for name, members in sorted(groups.items()))])
+    return "\n".join([*text, *(_row(name, members) for name, members in sorted(groups.items()) if members)])
 
 
 def _answer(estimator: Estimator, data: Path, row: dict[str, str]) -> _MarkedAnswer | None:
@@ -87,7 +93,7 @@ def _azimuth_error(answer: Floats, sun: Floats) -> float:
 
 def _row(name: str, answers: Sequence[_MarkedAnswer]) -> str:
     azimuth, whole = [a.azimuth for a in answers], [a.whole for a in answers]
-    figures = [*np.percentile(azimuth, [50, 90]), *np.percentile(whole, [50, 90])]
-    figures += [np.median([a.network_azimuth for a in answers]), np.median([a.network_whole for a in answers])]
+    alone = [a.network_azimuth for a in answers], [a.network_whole for a in answers]
+    figures = [figure for errors in (azimuth, whole, *alone) for figure in np.percentile(errors, [50, 90])]
     inside = " / ".join(f"{100 * share:.0f} %" for share in np.mean([a.in_regions for a in answers], axis=0))
     return f"| {name} | {len(answers)} | {' | '.join(f'{figure:.1f}°' for figure in figures)} | {inside} |"

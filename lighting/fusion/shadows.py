@@ -8,8 +8,9 @@ Four marks are read, each a likelihood over the directions of the sun:
 - a line of shadow without a foot: the sun's azimuth, or the opposite one;
 - a lit and a shaded side of an upright thing: half of all azimuths.
 
-A person's hand and the estimated camera blur each of them to first order. Some marks are wrong altogether: another
-thing's shadow, the wrong end, a slope. So a share of each likelihood is the same everywhere.
+A person's hand and the estimated camera blur each of them to first order. Some marks are coarse: a guessed foot, a
+leaning thing, a slope. Others are wrong altogether: another thing's shadow, the wrong end. So a share of each
+likelihood is wider, and another one is the same everywhere.
 """
 
 import math
@@ -26,18 +27,17 @@ from lighting.geometry import Floats, Pinhole, angles, pixel_ray, wrap_azimuth
 
 Point = tuple[float, float]
 
-# Widths under which 50 and 90 % regions hold as much on 88 sure marks: `python -m export report shadows` prints it.
-HAND_STD = 0.007  # of a marked point, as a share of the photo's longer side
-_OUTLIER_RATE = 0.1  # share of marks that are wrong altogether: 8 % of 97 sure ones
-_CAMERA_STD = (
-    1.3,
-    1.4,
-    0.056,
-)  # of the estimated camera: elevation and roll, deg; the field of view's tangent, a share
-_AZIMUTH_STD, _ELEVATION_STD = 2.5, 2.5  # deg, of ground that is not quite level and things not quite upright
+# Fitted to the logarithmic loss of 105 marks, doubtful ones among them; 50 and 90 % regions of sure ones hold as much:
+# `python -m export report shadows` prints it.
+_HAND_STD = 0.0056  # of a marked point, as a share of the photo's longer side
+_COARSE_RATE, _COARSE_STDS = 0.2, 5.0  # share of marks that are coarse, and their widths by those of the others
+_OUTLIER_RATE = 0.05  # share of marks that are wrong altogether
+_CAMERA_STD = (1.04, 1.12, 0.045)  # of the estimated camera: elevation, roll, deg; the field of view's tangent, a share
+_AZIMUTH_STD, _ELEVATION_STD = 2.0, 2.0  # deg, of ground that is not quite level and things not quite upright
 _OWN_STD = 2.5  # deg, of the camera's own shadow, whose middle has no mark
 _HEAD_STD = 6.0  # deg of azimuth, of a head's shadow, which is not the camera's
 _SIDE_STD = 12.0  # deg of azimuth over which a lit side turns to shade
+_SIDE_OUTLIER_RATE = 0.1  # share of lit sides that are wrong
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
 _MIN_LENGTH = 3.0  # pixels, of a mark
 _STEP = 1e-3  # of the numerical derivatives: deg, and shares
@@ -187,8 +187,9 @@ def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> 
             return _own_likelihood(mark, camera, azimuth, elevation)
         case ShadowLine():
             value, std = _propagate(lambda c, p: _ground_azimuth(c, p[0], p[1]), camera, marked_points(mark))
-            either = [_gaussian(wrap_azimuth(azimuth - value[0] - turn), std[0, 0]) for turn in (0.0, 180.0)]
-            return _mix((either[0] + either[1]) / 2, 360.0)
+            there, opposite = (wrap_azimuth(azimuth - value[0] - turn) for turn in (0.0, 180.0))
+            variance = std[0, 0]
+            return _mix(lambda n: (_gaussian(there, variance * n**2) + _gaussian(opposite, variance * n**2)) / 2, 360.0)
         case Shadow():
             return _shadow_likelihood(mark, camera, azimuth, elevation)
 
@@ -210,12 +211,12 @@ def _shadow_likelihood(mark: Shadow, camera: Pinhole, azimuth: Floats, elevation
     points = marked_points(mark)
     if mark.top is None:
         value, covariance = _propagate(lambda c, p: _ground_azimuth(c, p[0], p[1]), camera, points)
-        return _mix(_gaussian(wrap_azimuth(azimuth - value[0]), covariance[0, 0]), 360.0)
+        return _mix(lambda stds: _gaussian(wrap_azimuth(azimuth - value[0]), covariance[0, 0] * stds**2), 360.0)
     value, covariance = _propagate(lambda c, p: _sun_of_shadow(c, *p), camera, points)
     error = np.stack([wrap_azimuth(azimuth - value[0]), elevation - value[1]], axis=-1)
     squared = np.einsum("ni,ij,nj->n", error, np.linalg.inv(covariance), error)
-    density = np.exp(-0.5 * squared) / (2 * math.pi * math.sqrt(np.linalg.det(covariance)))
-    return _mix(density, 360.0 * 90.0)
+    scale = 2 * math.pi * math.sqrt(np.linalg.det(covariance))
+    return _mix(lambda stds: np.exp(-0.5 * squared / stds**2) / (scale * stds**2), 360.0 * 90.0)
 
 
 def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation: Floats) -> Floats:
@@ -225,10 +226,14 @@ def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation
         raise ParameterError(_HORIZON, "shadows", ErrorCode.OUT_OF_RANGE)
     value, covariance = _propagate(lambda c, p: np.stack(angles(-pixel_ray(c, p[0]))), camera, [mark.point])
     own = (_HEAD_STD if mark.is_head else _OWN_STD) ** 2 - _AZIMUTH_STD**2
-    by_azimuth = _gaussian(wrap_azimuth(azimuth - value[0]), covariance[0, 0] + max(own, 0.0))
+    variance = covariance[0, 0] + max(own, 0.0)
+
+    def by_azimuth(stds: float) -> Floats:
+        return _gaussian(wrap_azimuth(azimuth - value[0]), variance * stds**2)
+
     if mark.is_head:
         return _mix(by_azimuth, 360.0)
-    return _mix(by_azimuth * _gaussian(elevation - value[1], covariance[1, 1]), 360.0 * 90.0)
+    return _mix(lambda stds: by_azimuth(stds) * _gaussian(elevation - value[1], covariance[1, 1] * stds**2), 32400.0)
 
 
 def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats) -> Floats:
@@ -237,7 +242,7 @@ def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats) -> Floats:
     between = shaded + wrap_azimuth(lit - shaded) / 2
     beside = np.degrees(np.arcsin(np.sin(np.radians(azimuth - between)))) * np.sign(wrap_azimuth(lit - shaded))
     share = 1.0 / (1.0 + np.exp(-1.7 * beside / _SIDE_STD))
-    return np.asarray((1 - _OUTLIER_RATE) * share + _OUTLIER_RATE / 2)
+    return np.asarray((1 - _SIDE_OUTLIER_RATE) * share + _SIDE_OUTLIER_RATE / 2)
 
 
 _HORIZON = "A point of a shadow lies at the horizon or over it, where no ground is; mark a nearer shadow."
@@ -247,7 +252,7 @@ def _propagate(
     function: Callable[[Pinhole, Sequence[Point]], Floats], camera: Pinhole, points: Sequence[Point]
 ) -> tuple[Floats, Floats]:
     """The values (K,) of a function of camera and points [deg], and their covariance (K, K) [deg2] to first order."""
-    hand = HAND_STD * max(camera.width, camera.height)
+    hand = _HAND_STD * max(camera.width, camera.height)
     flat = np.array([*np.ravel(points), 0.0, 0.0, 0.0])
     stds = np.array([*(hand,) * (2 * len(points)), *_CAMERA_STD])
     steps = np.array([*(0.1,) * (2 * len(points)), *(_STEP,) * 3])
@@ -299,9 +304,10 @@ def _gaussian(error: Floats, variance: float) -> Floats:
     return np.asarray(np.exp(-0.5 * error**2 / variance) / math.sqrt(2 * math.pi * variance))
 
 
-def _mix(density: Floats, extent: float) -> Floats:
-    """A density with its share of marks that are wrong altogether, which lie anywhere in the extent [deg, deg2]."""
-    return np.asarray((1 - _OUTLIER_RATE) * density + _OUTLIER_RATE / extent)
+def _mix(density: Callable[[float], Floats], extent: float) -> Floats:
+    """A density, by how many times its widths, with coarse marks and wrong ones anywhere in the extent [deg, deg2]."""
+    fine, coarse = 1 - _COARSE_RATE - _OUTLIER_RATE, _COARSE_RATE * density(_COARSE_STDS)
+    return np.asarray(fine * density(1.0) + coarse + _OUTLIER_RATE / extent)
 
 
 def fuse_shadows(

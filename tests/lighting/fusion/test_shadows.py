@@ -114,6 +114,16 @@ def test_a_mark_hardly_moves_a_sure_answer_that_contradicts_it() -> None:
     assert fused.sum() == pytest.approx(1.0, abs=1e-5)
 
 
+def test_a_coarse_mark_is_likelier_than_a_wrong_one() -> None:
+    """A foot that is guessed moves the azimuth by some widths; far from there all directions are alike."""
+    mark = replace(cast((40.0, 30.0), 9.0), top=None)
+    near, coarse, wrong, opposite = shadow_likelihood(
+        mark, CAMERA, direction(np.array([40.0, 65.0, 130.0, 220.0]), 30.0)
+    )
+    assert near > 20 * coarse > 20 * 5 * wrong
+    assert wrong == pytest.approx(opposite, rel=0.05)
+
+
 def predict(sun: tuple[float, float]) -> Prediction:
     cells = grid_directions(TINY.sun_grid)
     p = np.exp(4.0 * (cells @ direction(*sun) - 1.0))
