@@ -110,6 +110,17 @@ def soft_label(direction: ArrayLike, concentration: ArrayLike, layout: str) -> F
     return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
 
+def temper(probability: NDArray[np.float32], temperature: float) -> NDArray[np.float32]:
+    """Return probabilities (N,) whose logarithms are divided by a temperature: over 1 they are wider.
+
+    Args:
+        probability: (N,), sums to 1.
+        temperature: above 0.
+    """
+    power = probability.astype(np.float64) ** (1.0 / temperature)
+    return np.asarray(power / power.sum(), dtype=np.float32)
+
+
 def credible_radii(
     probability: ArrayLike, directions: ArrayLike, center: ArrayLike, shares: Sequence[float] = (0.5, 0.9)
 ) -> list[float]:

@@ -46,7 +46,7 @@ from lighting.decoding import sun_from_prediction
 from lighting.files import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.records import Prediction
-from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle
+from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle, temper
 
 RELIABILITY_FILE = "reliability.png"
 
@@ -441,8 +441,7 @@ def _mean_nll(log: Floats, cell: NDArray[np.intp]) -> float:
 
 def _tempered(prediction: Prediction, temperature: float) -> Prediction:
     """The prediction with its sun's logits divided by another temperature."""
-    power = prediction.sun_probability.astype(np.float64) ** (1 / temperature)
-    return replace(prediction, sun_probability=(power / power.sum()).astype(np.float32))
+    return replace(prediction, sun_probability=temper(prediction.sun_probability, temperature))
 
 
 def _tempered_figures(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, float]:

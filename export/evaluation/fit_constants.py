@@ -4,7 +4,7 @@ FIT_REPORTS names them. Each fit prints the constants, and the errors with and w
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from export.crops.augmentation import augment
 from export.crops.crops import crop_panorama, crop_rng, load_sources, paper_camera, training_camera
 from export.crops.photos import require_photo_rows
 from export.crops.targets import clear_sun_to_sky_ratio, panorama_irradiance
-from export.data.panoramas import DataError, read_index
+from export.data.panoramas import DataError, read_index, read_table
 from export.evaluation.irradiance import (
     WEATHER,
     HdrCrops,
@@ -24,14 +24,16 @@ from export.evaluation.irradiance import (
 )
 from export.evaluation.metrics import Bools, Names, markdown_table
 from lighting.color import luminance, tone_map
-from lighting.decoding import blend_to_clear_sun, lighting_from_prediction
+from lighting.decoding import blend_to_clear_sun, lighting_from_prediction, sun_from_prediction
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, ground_luminance, sky_color_ratio
 from lighting.envmap.render import level_irradiance
 from lighting.errors import ModelError
 from lighting.estimator import Estimator
-from lighting.geometry import Floats, angle_between
+from lighting.fusion.estimate import photo_temperature
+from lighting.geometry import Floats, angle_between, direction
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array, read_photo
+from lighting.sun_grid import smooth_density, temper
 
 SPLITS = ("train", "val")
 GROUND_SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground under a clear sky, tried
@@ -337,8 +339,49 @@ def _report_sun_power(model: Model, data: Path, labels: Path) -> str:
     return f"A sun that shines is understated by {true - predicted:.2f} stops\n\n{markdown_table(header, rows)}"
 
 
+# How much wider the sun's distribution is in photos than in crops of panoramas, by the photos of `photos.csv`. The
+# network was calibrated on crops, and saw photos of `train`.
+
+HIDDEN_TEMPERATURES = (1.0, 1.5, 2.0, 2.5, 3.0)  # where no direct sun shows, tried
+_SUN_COLUMNS = "sun_azimuth", "sun_elevation"
+
+
+def _report_photo_radii(model: Model, data: Path, _labels: Path) -> str:
+    """Loss of the true sun, and shares in the radii, by temperature: of all photos, and of those without direct sun."""
+    rows = [row for row in read_table(data / "photos.csv", ("file", *_SUN_COLUMNS)) if all(map(row.get, _SUN_COLUMNS))]
+    if not rows:
+        raise DataError(f"{data}/photos.csv has no photo whose sun is known.")
+    azimuth, elevation = (np.array([float(row[name]) for row in rows]) for name in _SUN_COLUMNS)
+    truth = direction(azimuth, np.maximum(elevation, 0.0))
+    predictions = [model.predict_one(read_photo(data / row["file"])) for row in rows]
+    hidden = np.array([not lighting_from_prediction(p).sun_shines for p in predictions])
+    table = []
+    for temperature in HIDDEN_TEMPERATURES:
+        wide = [
+            replace(p, sun_probability=temper(p.sun_probability, photo_temperature(p.sun_visibility, temperature)))
+            for p in predictions
+        ]
+        suns = [sun_from_prediction(p) for p in wide]
+        density = [smooth_density(p.sun_probability, t, p.spec.sun_grid) for p, t in zip(wide, truth, strict=True)]
+        error = angle_between(direction([s.azimuth for s in suns], [s.elevation for s in suns]), truth)
+        inside = np.stack([error <= [s.radius_50 for s in suns], error <= [s.radius_90 for s in suns]], axis=1)
+        for name, chosen in (("all", np.ones_like(hidden)), ("no direct sun", hidden)):
+            shares = (f"{100 * share:.0f} %" for share in inside[chosen].mean(axis=0))
+            table.append(
+                [
+                    f"{temperature:g}",
+                    name,
+                    str(chosen.sum()),
+                    f"{-np.log(np.array(density)[chosen]).mean():.3f}",
+                    *shares,
+                ]
+            )
+    return markdown_table(["temperature", "photos", "number", "loss [nat]", "in `radius_50`", "in `radius_90`"], table)
+
+
 FIT_REPORTS: dict[str, Callable[..., str]] = {  # of a network, `data` and `labels`; the ground's also of `seen`
     "ground": _report_ground,
+    "photo-radii": _report_photo_radii,
     "sky-color": _report_sky_color,
     "sun-color": _report_sun_color,
     "sun-power": _report_sun_power,

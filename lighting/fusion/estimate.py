@@ -50,6 +50,7 @@ from lighting.records import (
     Prediction,
     WarningCode,
 )
+from lighting.sun_grid import temper
 
 _UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
 _THERMAL = "Probably a picture of a thermal camera, which shows temperatures: do not trust this result."
@@ -69,6 +70,11 @@ _MAX_LONGER_RATIO = 4.0  # of long lenses
 _LONG_LENS = 16.0  # deg, vertical field of view under which a lens is long
 _LENS_BIAS = 0.1  # logarithm of a true lens by the pixels', in the mean
 _UNDECIDED = 0.15  # difference of such logarithms, under which the pixels do not choose
+
+
+# Photos in shade and under clouds show less of the sun than the network's panoramas do: `export fit photo-radii`.
+HIDDEN_TEMPERATURE = 2.0  # of the sun's distribution where no direct sun shows
+_CLEAR_VISIBILITY = 0.9  # from which on the distribution stays
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +128,9 @@ def _check_metadata(
 def screen_prediction(
     prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None
 ) -> Prediction:
-    """As `refine_camera`; blank frames, false colors and panoramas keep the network's camera and are not suitable.
+    """As `refine_camera`, with the sun's distribution of photos.
+
+    Blank frames, false colors and panoramas keep the network's camera and are not suitable.
 
     Args:
         prediction: of the network.
@@ -138,7 +146,21 @@ def _refine_view(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov
     """As `screen_prediction`, of pixels (h, w, 3) that are no false colors."""
     if is_blank(pixels) or is_panorama(pixels):
         return _as_unsuitable(prediction)
-    return refine_camera(prediction, pixels, vertical_fov)
+    refined = refine_camera(prediction, pixels, vertical_fov)
+    temperature = photo_temperature(refined.sun_visibility)
+    if temperature == 1.0:
+        return refined
+    return replace(refined, sun_probability=temper(refined.sun_probability, temperature))
+
+
+def photo_temperature(visibility: float, hidden: float = HIDDEN_TEMPERATURE) -> float:
+    """Return by which temperature, at least 1, a photo's distribution of the sun is wider than the network's.
+
+    Args:
+        visibility: of the sun, 0 to 1.
+        hidden: temperature at visibility 0.
+    """
+    return 1.0 + (hidden - 1.0) * max(0.0, 1.0 - visibility / _CLEAR_VISIBILITY)
 
 
 def _as_unsuitable(prediction: Prediction) -> Prediction:

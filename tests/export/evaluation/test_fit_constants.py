@@ -12,6 +12,7 @@ from export.data.panoramas import DataError
 from export.evaluation import fit_constants as module
 from export.evaluation.fit_constants import (
     FIT_REPORTS,
+    HIDDEN_TEMPERATURES,
     SUN_POWERS,
     _clustered_error,
     _fit_ground_share,
@@ -20,6 +21,7 @@ from export.evaluation.fit_constants import (
     _panorama_sun_stops,
     _photo_sun_stops,
     _report_ground,
+    _report_photo_radii,
     _report_sky_color,
     _report_sun_color,
     _report_sun_power,
@@ -216,6 +218,16 @@ def test_the_report_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, lit_ne
     report = _report_sun_power(Model.load(lit_network), Path("data"), Path("labels.csv"))
     assert report.startswith("A sun that shines is understated by 0.30 stops")
     assert "| photos, as said | 4 | -0.20 | -0.28 to -0.10 |" in report
+
+
+def test_radii_of_photos_are_reported_by_temperature(network: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(encode(scene(64, 48)))
+    (tmp_path / "photos.csv").write_text("file,sun_azimuth,sun_elevation\na.jpg,20,30\na.jpg,-90,50\na.jpg,,40\n")
+    lines = _report_photo_radii(Model.load(network), tmp_path, Path("labels.csv")).splitlines()
+    assert [line.split(" | ")[2] for line in lines if " all " in line] == ["2"] * len(HIDDEN_TEMPERATURES)
+    (tmp_path / "photos.csv").write_text("file,sun_azimuth,sun_elevation\na.jpg,,40\n")
+    with pytest.raises(DataError, match="no photo whose sun is known"):
+        _report_photo_radii(Model.load(network), tmp_path, Path("labels.csv"))
 
 
 def test_the_command_knows_every_fit() -> None:

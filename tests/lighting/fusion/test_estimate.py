@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lighting.decoding import sun_from_prediction
 from lighting.estimator import Estimator
-from lighting.fusion.estimate import _choose_lens, build_estimate, refine_camera
+from lighting.fusion.estimate import _choose_lens, build_estimate, photo_temperature, refine_camera, screen_prediction
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import fuse
@@ -176,6 +177,19 @@ def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> N
     assert Estimator(model).predict(stated).camera_elevation == by_lens[60.0]
     assert Estimator(model).predict(stated, UserInput(vertical_fov=45.0)).camera_elevation == by_lens[45.0]
     assert Estimator(model).predict(stated, UserInput(metadata=False)).camera_elevation == by_lens[None]
+
+
+def test_a_photo_without_direct_sun_says_less_of_it_than_the_network() -> None:
+    assert [photo_temperature(visibility) for visibility in (0.0, 0.45, 0.9, 1.0)] == pytest.approx(
+        [2.0, 1.5, 1.0, 1.0]
+    )
+    photo = np.random.default_rng(0).integers(60, 190, (240, 320, 3), dtype=np.uint8)
+    hidden, clear = (replace(sunny(0.0, 40.0, 30.0), sun_visibility=visibility) for visibility in (0.2, 0.95))
+    shade, sun = (sun_from_prediction(screen_prediction(one, photo)) for one in (hidden, clear))
+    assert sun.radius_90 == sun_from_prediction(clear).radius_90
+    assert shade.radius_50 > 1.2 * sun.radius_50
+    assert shade.radius_90 > 1.2 * sun.radius_90
+    assert angle_between(direction(shade.azimuth, shade.elevation), direction(sun.azimuth, sun.elevation)) < 3.0
 
 
 def seen_sun(predicted: Prediction) -> Floats:
