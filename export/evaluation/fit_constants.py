@@ -365,7 +365,8 @@ def _report_photo_radii(model: Model, data: Path, _labels: Path) -> str:
         density = [smooth_density(p.sun_probability, t, p.spec.sun_grid) for p, t in zip(wide, truth, strict=True)]
         error = angle_between(direction([s.azimuth for s in suns], [s.elevation for s in suns]), truth)
         inside = np.stack([error <= [s.radius_50 for s in suns], error <= [s.radius_90 for s in suns]], axis=1)
-        for name, chosen in (("all", np.ones_like(hidden)), ("no direct sun", hidden)):
+        groups = {"all": np.ones_like(hidden), "no direct sun": hidden}
+        for name, chosen in ((name, chosen) for name, chosen in groups.items() if chosen.any()):
             shares = (f"{100 * share:.0f} %" for share in inside[chosen].mean(axis=0))
             table.append(
                 [
