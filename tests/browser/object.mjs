@@ -1,6 +1,6 @@
 // The object: moved, rotated, scaled, of other materials, of the user's file; its shadow on ground that is half in shade.
 import { readFileSync } from "node:fs";
-import { answerWith, drag, open, relit, screenshotOf } from "./visit.mjs";
+import { answerWith, drag, open, relit, saved, screenshotOf } from "./visit.mjs";
 
 const CAMERA = { elevation: 0, roll: 0, vertical_fov: 60 };
 
@@ -20,6 +20,8 @@ export async function visit(browser, url, seen, { small, groundMask, model, wide
   await wipe(page, seen, folder);
   await movePlacement(page, seen, folder);
   await changeMaterial(page, seen, folder);
+  await press(page.locator('#shapes input[value="teapot"]'));
+  seen.turntable = await saved(page, "#get-turntable", folder, "turntable.webp");
   await useOwnModel(page, seen, model, folder);
   await moveSun(page, seen, folder);
   await page.context().close();

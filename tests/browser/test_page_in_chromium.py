@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 import uvicorn
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageOps
+from PIL import ExifTags, Image, ImageOps, ImageSequence
 
 from lighting.estimator import Estimator
 from lighting.files import MAP_FORMATS
@@ -546,6 +546,14 @@ class TestObject:
         place = np.s_[row - 6 : row, column - 9 : column - 3]  # left of the edge of the shade
         assert np.abs(without[place] - SUNLIT).max() < 12
         assert np.abs(with_object[place] - without[place]).mean() > 15
+
+    def test_a_turntable_is_an_animated_webp(self, seen: Seen, folder: Path) -> None:
+        assert seen["turntable"] == "small-turntable.webp"
+        with Image.open(folder / "turntable.webp") as turntable:
+            assert (turntable.format, turntable.n_frames, turntable.info["loop"]) == ("WEBP", 36, 0)
+            frames = [np.asarray(frame.convert("RGB"), np.float64) for frame in ImageSequence.Iterator(turntable)]
+        assert np.abs(frames[9] - frames[0]).max() > 40  # the teapot's spout is elsewhere
+        assert np.abs(frames[9] - frames[0])[0].max() < 12  # the sky is not
 
     def test_a_click_moves_it_there(self, seen: Seen) -> None:
         assert np.allclose(seen["clicked"], [0.44, 0.85], atol=0.01)

@@ -83,8 +83,8 @@ const tools = new Tools({
   forward: (event) => sunHandle.drag(event),
   state: restate,
 });
-const downloads = new Downloads(settleLight, showError);
 const object = new ObjectView(editState, showError, requestMap);
+const downloads = new Downloads(settleLight, showError, () => object.drawTurntable());
 const metadata = new MetadataView(restate);
 const table = new PhotoTable(
   (row) => submitPhotos({ sources: [row.source], userInput: NO_USER_INPUT, row }),

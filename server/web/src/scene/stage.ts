@@ -34,6 +34,7 @@ import type { Latlong } from "../sky/render";
 import type { Finish, Shape } from "../state";
 import { ShadowGround } from "./ground";
 import { createFinish, createShape, heightAboveOrigin } from "./objects";
+import { animateWebp } from "./webp";
 
 // The shoulder of `lighting preview`: values up to 0.6 stay as they are, brighter ones bend towards white.
 ShaderChunk.tonemapping_pars_fragment = ShaderChunk.tonemapping_pars_fragment.replace(
@@ -43,6 +44,8 @@ ShaderChunk.tonemapping_pars_fragment = ShaderChunk.tonemapping_pars_fragment.re
     return min(linear, 0.6) + 0.4 * (1.0 - exp(-max(linear - 0.6, 0.0) / 0.4));
   }`,
 );
+
+const TURNTABLE = { frames: 36, milliseconds: 80, width: 640 };
 
 export class Stage {
   private readonly renderer: WebGLRenderer;
@@ -172,6 +175,28 @@ export class Stage {
     this.renderer.setSize(width, height, false);
     this.ground.setSize(this.renderer.getDrawingBufferSize(new Vector2()));
     this.draw();
+  }
+
+  /** The object turned once around, as an animated WebP. */
+  async drawTurntable(): Promise<Blob> {
+    const drawn = this.renderer.domElement;
+    const width = Math.min(drawn.width, TURNTABLE.width);
+    const height = Math.round((width * drawn.height) / drawn.width);
+    const canvas = Object.assign(document.createElement("canvas"), { width, height });
+    const context = canvas.getContext("2d", { alpha: false });
+    const start = this.object.rotation.y;
+    const frames: ArrayBuffer[] = [];
+    for (let i = 0; i < TURNTABLE.frames; i++) {
+      this.object.rotation.y = start + (2 * Math.PI * i) / TURNTABLE.frames;
+      this.renderer.render(this.scene, this.camera);
+      context?.drawImage(drawn, 0, 0, width, height);
+      this.object.rotation.y = start; // whatever else is drawn meanwhile
+      const frame = await new Promise<Blob | null>((resolve) => canvas.toBlob(resolve, "image/webp", 0.82));
+      frames.push((await frame?.arrayBuffer()) ?? new ArrayBuffer(0));
+    }
+    this.draw();
+    const file = animateWebp(frames, width, height, TURNTABLE.milliseconds);
+    return new Blob([file as Uint8Array<ArrayBuffer>], { type: "image/webp" });
   }
 
   /** The light's box follows the object alone: what it shades lies along the beam, however long the shadow. */

@@ -42,7 +42,9 @@ export class Downloads {
   constructor(
     private readonly settle: () => Promise<PhotoView | undefined>,
     private readonly onError: (error: unknown) => void,
+    drawTurntable: () => Promise<Blob>,
   ) {
+    this.listen(byId("get-turntable"), () => ({ suffix: "-turntable.webp", fetchFile: drawTurntable }));
     this.listen(byId("get-json"), () => ({ suffix: ".json", fetchFile: createRecordFile }));
     this.listen(byId("save-project"), () => ({ suffix: ".project.json", fetchFile: createProjectFile }));
     byId("copy-link").addEventListener("click", () => this.copyLink());

@@ -134,6 +134,13 @@ export class ObjectView {
     });
   }
 
+  /** The object turned once around in its photo, as a file; throws where this browser has no WebGL. */
+  async drawTurntable(): Promise<Blob> {
+    const stage = await this.stage;
+    if (!stage) throw new Error(NO_WEBGL);
+    return stage.drawTurntable();
+  }
+
   /** Takes the user's own object. */
   async takeModel(file: File): Promise<void> {
     try {
