@@ -1,32 +1,22 @@
-"""How exactly brackets of known skies are merged and aligned, and scans of the real sky.
+"""How exactly brackets of known skies are merged and aligned."""
 
-`sky_scans.csv` beside this file holds 20 scans of the sky over Cornell University in 81 directions. They are of 27 May
-(clear) and 24 September 2013, as linear Rec.709 of the CIE 1931 observer. They come from the spectral measurements of
-the project spectralskylight (repository sky-measurements-2014, Apache License 2.0). Their authors are Kider, Knowlton,
-Newlin, Li and Greenberg (SIGGRAPH Asia 2014). `python -m export.probe.scans` of commit 6df25d7 reduced them.
-"""
-
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from export.evaluation.metrics import markdown_table
-from lighting.color import luminance
 from lighting.envmap.render import render, sun_light
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import make_bracket
-from lighting.probe.develop import BracketSettings, Moment, Scan, make_probe, yaw_rotation
+from lighting.probe.develop import BracketSettings, Moment, make_probe, yaw_rotation
 from lighting.probe.exposure_ratios import clipped_mask
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens, resample_to_latlong, unproject_from_lens
 from lighting.records import Lighting
 from lighting.sky.clear_sky import sky_radiance, sun_disc_points, sun_disc_radiance
-from lighting.solar_position import sun_position
 
 BRACKET_TIMES = tuple(float(time) for time in np.geomspace(1 / 8000, 1, 7))  # s
 ELECTRONS = 50_000.0  # at full scale, of a full-frame camera at its base sensitivity
@@ -37,9 +27,6 @@ PICTURE_SIDE = 800  # pixels of a picture
 _TURBIDITY = 3.0  # of the synthetic clear skies
 _MAP_HEIGHT = 256  # rows of the maps compared
 SKY_FILL = 8.0  # of full scale: the peak in the shortest exposure when the sky is exposed for, and the sun clips
-SCANS = Path(__file__).with_name("sky_scans.csv")
-SCAN_PLACE = (42.443449, -76.481962)  # deg, the roof of Rhodes Hall
-SCAN_COLUMNS = ("utc", "azimuth_as_filed", "elevation", "red", "green", "blue")
 
 _DARK = 0.05  # quantile that counts as the darkest sky
 
@@ -194,29 +181,3 @@ def _sky_error(image: NDArray[np.float32], lighting: Lighting, gain: float) -> f
 def _rotation_between(a: Floats, b: Floats) -> float:
     """The angle [deg] of the rotation between two."""
     return float(np.degrees(np.arccos(np.clip((np.trace(a @ b.T) - 1) / 2, -1, 1))))
-
-
-# Scans of the real sky.
-
-
-def _read_sky_scans(path: Path = SCANS) -> dict[str, list[Scan]]:
-    """The scans of each day, by date (2013-05-27).
-
-    Args:
-        path: CSV file with SCAN_COLUMNS.
-    """
-    rows: dict[str, list[dict[str, str]]] = {}
-    with path.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            rows.setdefault(row["utc"], []).append(row)
-    days: dict[str, list[Scan]] = {}
-    for time in sorted(rows):
-        days.setdefault(time[:10], []).append(_scan(time, rows[time]))
-    return days
-
-
-def _scan(time: str, rows: list[dict[str, str]]) -> Scan:
-    color = np.array([[float(row[name]) for name in SCAN_COLUMNS[3:]] for row in rows])
-    azimuth, elevation = (np.array([float(row[name]) for row in rows]) for name in SCAN_COLUMNS[1:3])
-    sun = sun_position(datetime.fromisoformat(time), *SCAN_PLACE)
-    return Scan(azimuth, elevation, luminance(color), (float(sun[0]), float(sun[1])))

@@ -5,10 +5,6 @@ A sun that no exposure could measure may be taken from the model of the sky besi
 One sun leaves the mirror image of a picture as likely as the picture, and a wrong lens shows in the elevation alone.
 Suns of several hours are points on the sphere that the camera and the ephemeris both name. The rotation between them is
 the one of least squares (Kabsch 1976), for each of the lenses tried.
-
-A clear sky is brightest beside the sun, and the ephemeris says where that is. One moment leaves two answers, clockwise
-from one direction or counter-clockwise from another, for a clear sky is the same left and right of the sun. As the sun
-moves on, the right answer stays and the wrong one moves at twice the sun's pace. So all moments are fitted together.
 """
 
 import math
@@ -20,7 +16,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import luminance
 from lighting.envmap.latlong import MAX_RADIANCE
 from lighting.envmap.render import render, sun_light
 from lighting.errors import ErrorCode, ProbeError
@@ -42,8 +37,7 @@ from lighting.probe.fisheye import (
 from lighting.probe.merging import SMOOTHING_REACH, MergedHdr, dequantize, merge_exposures
 from lighting.probe.probe_files import TIME_ATTRIBUTE, probe_path
 from lighting.probe.sky_fit import Mask, SkyFit, SunBlob, find_sun_blob, fit_sky
-from lighting.records import GROUND_ALBEDO, Lighting
-from lighting.sky.clear_sky import sky_radiance
+from lighting.records import Lighting
 from lighting.solar_position import sun_position
 
 MAX_STOPS = 40.0  # of a filter; one for the sun has 17
@@ -164,109 +158,6 @@ def _kabsch(observed: Floats, expected: Floats) -> Floats:
     u, _, v = np.linalg.svd(observed.T @ expected)
     proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
     return np.asarray((u @ proper @ v).T)
-
-
-_TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)  # tried, from very clear to hazy
-SUN_CLEARANCE = 10.0  # deg around the sun left out
-MAX_LOG_ERROR = 0.5  # of |log(measured / model)|: from here on an error counts no more
-_OFFSET_STEP = 2.0  # deg, between the offsets tried
-_MIN_ERROR_RATIO = 1.05  # the other sense's error / the better one's, from which on the sense is known
-
-
-@dataclass(frozen=True, eq=False)
-class Scan:
-    """One sky in a few directions, and where the sun truly was."""
-
-    azimuth: Floats
-    """(N,) deg, as filed."""
-    elevation: Floats
-    """Elevation, (N,) deg."""
-    luminance: Floats
-    """(N,), any unit."""
-    sun: tuple[float, float]
-    """Azimuth clockwise from true north, elevation, deg."""
-
-    def directions(self, sense: int, offset: float) -> Floats:
-        """Return the directions as unit vectors (N, 3) in the world.
-
-        Args:
-            sense: 1 where filed azimuths run clockwise, -1 counter-clockwise.
-            offset: deg, the true azimuth of the filed azimuth 0.
-        """
-        return direction(sense * self.azimuth + offset, self.elevation)
-
-
-@dataclass(frozen=True, eq=False)
-class _ProbeOrientation:
-    """True azimuth = sense x filed azimuth + offset."""
-
-    sense: int  # 1 clockwise, -1 counter-clockwise
-    offset: float  # deg, in (-180, 180]
-    error: float  # root mean square of log(measured / model), cut at MAX_LOG_ERROR
-    other: float  # the same for the other sense at its best
-    offsets: Floats  # (S,) deg, what each scan alone would say
-
-    @property
-    def is_sure(self) -> bool:
-        """Whether the other sense fits clearly worse."""
-        return self.other > _MIN_ERROR_RATIO * self.error
-
-
-def _fit_orientation(scans: Sequence[Scan]) -> _ProbeOrientation:
-    """Fit sense and offset of the azimuths of an instrument that did not move, all scans together.
-
-    Args:
-        scans: one or more, of clear skies.
-
-    Raises:
-        ProbeError: there is no scan, or the sun of one is below the horizon.
-    """
-    if not scans:
-        raise ProbeError("There is no scan to orient.")
-    if any(scan.sun[1] < 0 for scan in scans):
-        raise ProbeError("The sun is below the horizon in a scan; there is no sky to fit.")
-    offsets = np.arange(0.0, 360.0, _OFFSET_STEP)
-    errors = {sense: np.array([_offset_errors(scan, sense, offsets) for scan in scans]) for sense in (1, -1)}
-    joint = {sense: np.sqrt((each**2).mean(axis=0)) for sense, each in errors.items()}
-    sense = min(joint, key=lambda s: float(joint[s].min()))
-    offset = float(_minimum_offset(offsets, joint[sense]))
-    offsets_alone = np.array([_minimum_offset(offsets, each) for each in errors[sense]])
-    return _ProbeOrientation(sense, offset, float(joint[sense].min()), float(joint[-sense].min()), offsets_alone)
-
-
-def _log_errors(measured: Floats, model: Floats) -> Floats:
-    """Return log(measured / model) less its median: what is left when the model has the best scale.
-
-    Args:
-        measured: (N,) radiances, at least 0.
-        model: (N,) radiances in any unit, at least 0.
-    """
-    error = np.log(np.maximum(measured, 1e-12)) - np.log(np.maximum(model, 1e-12))
-    return np.asarray(error - np.median(error))
-
-
-def _offset_errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
-    """The least error over turbidities at each offset (M,): root mean square of the logarithm, cut at MAX_LOG_ERROR."""
-    sun = direction(*scan.sun)
-    directions = direction(sense * scan.azimuth + offsets[:, None], scan.elevation)
-    is_clear = angle_between(directions, sun) > SUN_CLEARANCE
-    squares = []
-    for turbidity in _TURBIDITIES:
-        model = luminance(sky_radiance(directions, sun, turbidity, GROUND_ALBEDO))
-        error = np.log(np.maximum(scan.luminance, 1e-12)) - np.log(np.maximum(model, 1e-12))
-        error = np.where(is_clear, error, np.nan)
-        error -= np.nanmedian(error, axis=1, keepdims=True)
-        squares.append(np.nanmean(np.minimum(error**2, MAX_LOG_ERROR**2), axis=1))
-    return np.asarray(np.sqrt(np.min(squares, axis=0)))
-
-
-def _minimum_offset(offsets: Floats, errors: Floats) -> float:
-    """The offset of the least error, between the steps by a parabola, in (-180, 180]."""
-    index = int(errors.argmin())
-    before, lowest, after = errors[index - 1], errors[index], errors[(index + 1) % len(errors)]
-    curvature = before - 2 * lowest + after
-    shift = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
-    return float(wrap_azimuth(offsets[index] + shift * _OFFSET_STEP))
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
-"""Brackets of known skies, a real stack, and scans of the real sky."""
+"""Brackets of known skies, and a real stack."""
 
-from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,29 +17,19 @@ from export.reports.probe import (
     _expose_bracket,
     _measure_bracket,
     _photograph_sky,
-    _read_sky_scans,
     _rotation_between,
 )
-from lighting.color import luminance
 from lighting.envmap.render import sun_light
 from lighting.errors import ProbeError
-from lighting.geometry import Floats, angle_between, direction
 from lighting.probe.bracket import make_bracket, read_bracket
 from lighting.probe.develop import (
-    SUN_CLEARANCE,
     BracketSettings,
     Moment,
-    Scan,
-    _fit_orientation,
-    _log_errors,
     make_probe,
     yaw_rotation,
 )
 from lighting.probe.exposure_ratios import measure_ratios
 from lighting.probe.fisheye import make_lens
-from lighting.records import GROUND_ALBEDO
-from lighting.sky.clear_sky import sky_radiance
-from lighting.sky.perez import general_luminance, overcast_luminance
 
 RAMP = np.linspace(1e-4, 1.0, 300, dtype=np.float32).reshape(10, 10, 3)
 
@@ -69,45 +58,6 @@ def test_the_sun_stands_out_and_nothing_is_outside_the_lens() -> None:
     picture = _photograph_sky(_clear_sky_at(moment), make_lens("equidistant", 64, 64), np.eye(3))
     assert picture.max() > 1000 * np.median(picture[picture > 0])
     assert not picture[0, 0].any()
-
-
-def test_azimuths_of_the_clear_day_run_counter_clockwise_from_about_13_degrees() -> None:
-    scans = _read_sky_scans()["2013-05-27"]
-    found = _fit_orientation(scans)
-    assert found.sense == -1
-    assert found.is_sure
-    assert found.offset == pytest.approx(13, abs=5)
-    assert np.median(found.offsets) == pytest.approx(13, abs=5)
-    height = np.radians([scan.sun[1] for scan in scans])
-    assert np.max(np.abs(found.offsets - 13) * np.cos(height)) < 5  # each scan, along the sky
-
-
-SkyShape = Callable[[Floats, Floats], Iterable[Floats]]  # relative luminances that a model can have, by rays and sun
-
-SKIES: dict[str, SkyShape] = {
-    "Hosek-Wilkie": lambda rays, sun: (
-        luminance(sky_radiance(rays, sun, float(turbidity), GROUND_ALBEDO)) for turbidity in np.arange(1, 10.1, 0.25)
-    ),
-    "CIE general": lambda rays, sun: (general_luminance(rays, sun, kind) for kind in range(1, 16)),
-    "CIE clear": lambda rays, sun: [general_luminance(rays, sun, 12)],
-    "CIE overcast": lambda rays, _: [overcast_luminance(rays)],
-}
-
-
-def misfit(scan: Scan, model: SkyShape) -> float:
-    """Root mean square of the logarithm, free of scale, of a model at its best."""
-    rays, sun = scan.directions(-1, 11.0), direction(*scan.sun)
-    far = angle_between(rays, sun) > SUN_CLEARANCE
-    errors = (_log_errors(scan.luminance[far], values) for values in model(rays[far], sun))
-    return min(float(np.sqrt(np.mean(error**2))) for error in errors)
-
-
-def test_the_clear_sky_is_near_the_models_and_far_from_overcast() -> None:
-    scans = _read_sky_scans()["2013-05-27"][::5]
-    errors = {name: float(np.median([misfit(scan, model) for scan in scans])) for name, model in SKIES.items()}
-    assert 0.08 < errors["Hosek-Wilkie"] < 0.2
-    assert errors["CIE general"] <= errors["CIE clear"] < 0.2
-    assert errors["CIE overcast"] > 0.5
 
 
 STACK = Path(__file__).parents[3].parent / "shared" / "stereo-data" / "fisheye_bracket"

@@ -17,7 +17,6 @@ from export.reports.probe import (
     _photograph_sky,
     _rotation_between,
 )
-from lighting.color import luminance
 from lighting.envmap.render import render, sun_light
 from lighting.errors import ProbeError
 from lighting.files.exr import read_exr, read_exr_attributes
@@ -27,13 +26,10 @@ from lighting.probe.develop import (
     BracketSettings,
     Moment,
     Probe,
-    Scan,
     _align_by_sun,
     _align_series,
     _check_day,
     _fill_sun,
-    _fit_orientation,
-    _log_errors,
     make_probe,
     make_series,
     probe_output_path,
@@ -44,7 +40,6 @@ from lighting.probe.fisheye import Lens, make_lens, project_to_lens
 from lighting.probe.probe_files import probes_in
 from lighting.probe.sky_fit import find_sun_blob
 from lighting.records import Lighting
-from lighting.sky.clear_sky import sky_radiance
 
 MORNING = Moment(SKY_DAY, *SKY_PLACE)
 SIDE = 200
@@ -110,39 +105,6 @@ def test_three_suns_leave_the_lens_as_told() -> None:
 
 
 AZIMUTH, ELEVATION = (grid.ravel() for grid in np.meshgrid(np.arange(0.0, 360.0, 30.0), [12.0, 33.0, 55.0, 75.0]))
-SCAN_SUNS = ((100.0, 40.0), (135.0, 60.0), (170.0, 68.0))
-
-
-def scan(sun: tuple[float, float], sense: int, offset: float) -> Scan:
-    """A sky of turbidity 3 as an instrument files it whose true azimuth is sense x filed + offset."""
-    towards = direction(sense * AZIMUTH + offset, ELEVATION)
-    return Scan(AZIMUTH, ELEVATION, luminance(sky_radiance(towards, direction(*sun), 3.0, 0.3)), sun)
-
-
-@pytest.mark.parametrize(("sense", "offset"), [(1, 13.0), (-1, 13.0), (-1, -170.0)])
-def test_sense_and_offset_of_a_day_come_back(sense: int, offset: float) -> None:
-    found = _fit_orientation([scan(sun, sense, offset) for sun in SCAN_SUNS])
-    assert found.sense == sense
-    assert found.is_sure
-    assert found.offset == pytest.approx(offset, abs=1.0)
-    assert found.offsets == pytest.approx([offset] * 3, abs=1.5)
-
-
-def test_one_moment_leaves_the_sense_open() -> None:
-    found = _fit_orientation([scan(SCAN_SUNS[0], -1, 13.0)])
-    assert not found.is_sure
-
-
-def test_a_scale_is_no_error() -> None:
-    values = np.array([1.0, 2.0, 4.0])
-    assert _log_errors(7 * values, values) == pytest.approx([0, 0, 0])
-
-
-def test_nothing_and_night_are_refused() -> None:
-    with pytest.raises(ProbeError, match="no scan"):
-        _fit_orientation([])
-    with pytest.raises(ProbeError, match="below the horizon"):
-        _fit_orientation([Scan(AZIMUTH, ELEVATION, AZIMUTH + 1, (100.0, -4.0))])
 
 
 def bracket(moment: Moment = MORNING, fill: float = 0.8, tilt: float = 0.0, yaw: float = 40.0) -> Bracket:
