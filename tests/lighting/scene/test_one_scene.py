@@ -17,6 +17,7 @@ from PIL import Image
 from lighting.color import srgb_decode
 from lighting.envmap.projection import photo_camera
 from lighting.estimator import Estimator
+from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_pixel
 from lighting.photo.reader import read_photo
 from lighting.scene import EXPORTERS
@@ -30,7 +31,8 @@ from tests.helpers.pages import ROOT
 mi: Any = mitsuba_renderer
 
 # The height [m] of each photo's camera; the last has its spot in shade.
-HEIGHTS = {"garden_noon": 1.6, "snow_field": 3.0, "lake_clouds": 1.6}
+HEIGHTS = {"garden_noon": 1.6, "snow_field": 3.0, "garden_windows": 1.6}
+SHADED_SPOT = (500, 800)  # in the last
 UP = np.array([0.0, 1.0, 0.0])
 PAGES = ("threejs", "page")
 
@@ -41,7 +43,8 @@ def scenes() -> dict[str, Scene]:
     made = {}
     for name, height in HEIGHTS.items():
         photo = read_photo((ROOT / "examples" / f"{name}.jpg").read_bytes(), target=320)
-        estimate = estimator(photo)
+        stated = UserInput(spot=SHADED_SPOT) if name == "garden_windows" else UserInput()
+        estimate = estimator(photo, stated)
         lighting = replace(estimate.lighting, camera_height=height)
         made[name] = make_scene(photo, lighting, map_height=128, segments=estimate.segments)
     assert [scene.spot_in_shade for scene in made.values()] == [False, False, True]
