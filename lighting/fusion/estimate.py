@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines
+from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines, lens_ratio
 from lighting.decoding import (
     candidate_suns,
     correct_sun_color,
@@ -50,6 +50,8 @@ from lighting.records import (
     Prediction,
     WarningCode,
 )
+from lighting.sea_horizon import level_by_sea
+from lighting.segmentation import photo_segments
 from lighting.sun_grid import temper
 
 _UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
@@ -172,7 +174,7 @@ def _as_unsuitable(prediction: Prediction) -> Prediction:
 
 
 def refine_camera(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None) -> Prediction:
-    """The same with the camera by the straight lines too; a sun that the photo shows stays on its pixel.
+    """The same with the camera by straight lines and the sea's horizon; a sun that the photo shows stays on its pixel.
 
     Args:
         prediction: of the network.
@@ -180,6 +182,10 @@ def refine_camera(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fo
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
     refined = calibrate_from_lines(prediction, pixels, vertical_fov)
+    lens = refined.vertical_fov
+    if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) <= MAX_LENS_RATIO:
+        lens = vertical_fov
+    refined = level_by_sea(refined, pixels, photo_segments(prediction.segments, *pixels.shape[1::-1]), lens)
     sun = None if refined is prediction else visible_sun(prediction, pixels)
     return refined if sun is None else replace(refined, sun_probability=reproject_sun(prediction, refined, sun))
 

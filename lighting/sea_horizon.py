@@ -1,0 +1,160 @@
+"""The camera by the line where water meets the sky: that is the horizon, and seen more exactly than a network says.
+
+The segments say roughly where the line is. In each column of the picture the strongest step of brightness near by is a
+point of it. A line through them counts only where it is long, and nearly all points lie on it: far shores, waves and
+clouds do not make one.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.calibration import LINES_SIDE
+from lighting.geometry import Floats, focal_length, shrink_size
+from lighting.records import Prediction
+from lighting.segmentation import Segments, SurfaceClass, pixel_share
+
+_CELLS = 18  # of the segments along a picture's height; the line lies within two of where they see it
+_COARSE = (96, 72)  # columns and rows of the segments in which the line is sought first
+_MIN_WATER = 0.3  # probability of it somewhere
+_MIN_SKY = 0.6  # probability of it above the line
+_NOT_LAND = (SurfaceClass.SKY, SurfaceClass.WATER)
+_BAND = 4  # rows above and below a line, whose brightness differs
+_SEARCH = (2.0, 0.5, 0.125)  # rows between lines that are tried, each about the best of those before
+_MIN_STEP = 3.0  # gray levels by which it does
+_MIN_SHARPNESS = 0.65  # of that difference in half as many rows: 1 at a line, half in haze
+_MAX_STEP = 8.0  # gray levels up to which columns count the more, so that dark headlands weigh no more than the sea
+_MIN_ON_LINE = 0.6  # share of the columns in which it does
+_MIN_LENGTH = 0.35  # of the picture's columns, that show water below sky
+_MAX_CHANGE = 7.0  # deg from the camera that is known without it, of elevation and roll
+
+
+def level_by_sea(
+    prediction: Prediction, pixels: NDArray[np.uint8], segments: Segments | None, vertical_fov: float
+) -> Prediction:
+    """The prediction with a camera whose horizon is the line where water meets the sky, if the photo shows one.
+
+    Args:
+        prediction: with the camera as it is known without.
+        pixels: (h, w, 3) sRGB.
+        segments: of the photo; None: unknown, and the prediction stays.
+        vertical_fov: deg, of the camera's lens.
+    """
+    line = None if segments is None else find_sea_horizon(pixels, segments)
+    if line is None:
+        return prediction
+    left, right = line
+    height, width = pixels.shape[:2]
+    focal = focal_length(height, vertical_fov)
+    across = np.array([width, (left - right) * height, 0.0])
+    middle = np.array([0.0, (0.5 - (left + right) / 2) * height, focal])
+    up = np.cross(middle, across)
+    up /= np.linalg.norm(up)
+    elevation, roll = math.degrees(math.asin(up[2])), math.degrees(math.atan2(-up[0], up[1]))
+    change = max(abs(elevation - prediction.camera_elevation), abs(roll - prediction.camera_roll))
+    return prediction if change > _MAX_CHANGE else replace(prediction, camera_elevation=elevation, camera_roll=roll)
+
+
+def find_sea_horizon(pixels: NDArray[np.uint8], segments: Segments) -> tuple[float, float] | None:
+    """Where the line between water and sky meets the picture's left and right edge; None where it shows none.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+        segments: of the photo.
+
+    Returns:
+        Shares of the picture's height, from its top.
+    """
+    start = _coarse_line(segments)
+    if start is None:
+        return None
+    line, x = start
+    full_size = Image.fromarray(pixels).convert("L")
+    gray = np.asarray(full_size.resize(shrink_size(*full_size.size, LINES_SIDE), Image.Resampling.BOX), np.float64)
+    height, width = gray.shape
+    if height < 6 * _BAND:
+        return None
+    finer = np.add.outer(x, np.linspace(-0.5, 0.5, 4, endpoint=False) / _COARSE[0])
+    column = np.unique(np.clip(finer * width, 0, width - 1).astype(np.intp))
+    falls, narrow = (_falls(gray[:, column], band) for band in (_BAND, _BAND // 2))
+    x, reach = (column + 0.5) / width, 2 * height / _CELLS
+    line = line * height
+    falls[np.abs(np.arange(height + 1)[:, None] - line[0] - (line[1] - line[0]) * x) > reach] = 0
+    found = []
+    for sign in (1.0, -1.0):  # most skies are brighter than water
+        even = np.clip(sign * falls / np.maximum((sign * falls).max(axis=0), _MAX_STEP), 0, 1) ** 2
+        best = line
+        for step in _SEARCH:
+            best = _best_line(even, x, best, reach if step == _SEARCH[0] else 2, step)
+        found.append((float(_along(even, x, best[None]).mean()), sign, best))
+    _, sign, line = max(found, key=lambda one: one[0])
+    along, sharp = (sign * _along(values, x, line[None]) for values in (falls, narrow))
+    on_line = along > _MIN_STEP
+    if on_line.mean() < _MIN_ON_LINE or sharp[on_line].sum() < _MIN_SHARPNESS * along[on_line].sum():
+        return None
+    return float(line[0] / height), float(line[1] / height)
+
+
+def _falls(gray: Floats, band: int) -> Floats:
+    """By how much a picture (h, N) is brighter in a band of rows above each edge between rows (h + 1, N) than below."""
+    edge = np.arange(band, len(gray) - band + 1)
+    return np.pad(_sums(gray, edge - band, band) - _sums(gray, edge, band), ((band, band), (0, 0))) / band
+
+
+def _coarse_line(segments: Segments) -> tuple[Floats, Floats] | None:
+    """The line (2,) as far as segments tell, by its heights at the two edges, and columns (N,) where water meets sky.
+
+    Both are shares of the picture's height and width. None where too few columns show water below sky.
+    """
+    if float(segments[..., SurfaceClass.WATER].max()) < _MIN_WATER:
+        return None
+    width, height = _COARSE
+    reach = height // _CELLS
+    sky, water, *others = (
+        pixel_share(segments, width, height, kind)
+        for kind in (SurfaceClass.SKY, SurfaceClass.WATER, *(kind for kind in SurfaceClass if kind not in _NOT_LAND))
+    )
+    row, at_column = np.arange(reach, height - 3 * reach), np.arange(width)
+    above = _sums(sky, row - reach, reach)
+    best = np.argmax(above - _sums(sky, row, reach), axis=0)
+    below = [_sums(kind, row, 3 * reach)[best, at_column] for kind in (water, *others)]
+    is_shore = (above[best, at_column] >= _MIN_SKY * reach) & (below[0] >= np.max(below[1:], axis=0))
+    column = np.flatnonzero(is_shore)
+    if len(column) < _MIN_LENGTH * width:
+        return None
+    x = (column + 0.5) / width
+    slope, start = np.polyfit(x, row[best[column]] / height, 1)
+    return np.array([start, start + slope]), x
+
+
+def _best_line(falls: Floats, x: Floats, line: Floats, reach: float, step: float) -> Floats:
+    """The line near another along which brightness (h, N) falls most, by its heights (2,) at the two edges.
+
+    Args:
+        falls: by how much it is brighter above each row than below it, in the columns at `x` (N,) of the width.
+        x: 0 to 1.
+        line: its heights at 0 and 1, rows.
+        reach: rows by which either may change.
+        step: rows from one that is tried to the next.
+    """
+    change = np.arange(-reach, reach + step / 2, step)
+    lines = line + np.stack(np.meshgrid(change, change), axis=-1).reshape(-1, 2)
+    return np.asarray(lines[_along(falls, x, lines).mean(axis=1).argmax()])
+
+
+def _along(falls: Floats, x: Floats, lines: Floats) -> Floats:
+    """`falls` (h, N) along lines (L, 2): (L, N)."""
+    y = lines[:, :1] + (lines[:, 1:] - lines[:, :1]) * x
+    low = np.clip(np.floor(y).astype(np.intp), 0, len(falls) - 2)
+    index = np.arange(len(x))
+    share = np.clip(y - low, 0, 1)
+    return np.asarray((1 - share) * falls[low, index] + share * falls[low + 1, index])
+
+
+def _sums(values: Floats, first: NDArray[np.intp], count: int) -> Floats:
+    """Sums (R, w) of as many rows of values (h, w), from each of the first ones (R,) on."""
+    total = np.cumsum(np.pad(values, ((1, 0), (0, 0))), axis=0, dtype=np.float64)
+    return np.asarray(total[first + count] - total[first])
