@@ -1,8 +1,7 @@
-"""The camera by the line where water meets the sky: that is the horizon, and seen more exactly than a network says.
+"""The camera by the line where water meets the sky: that is the horizon, seen more exactly than a network says.
 
-The segments say roughly where the line is. In each column of the picture the strongest step of brightness near by is a
-point of it. A line through them counts only where it is long, and nearly all points lie on it: far shores, waves and
-clouds do not make one.
+The segments say roughly where the line is. The line sought near by is that along which brightness falls most from the
+sky to the water, column for column. It counts only where it is long, dark enough in most columns, and sharp.
 """
 
 import math
@@ -83,15 +82,10 @@ def find_sea_horizon(pixels: NDArray[np.uint8], segments: Segments) -> tuple[flo
     x, reach = (column + 0.5) / width, 2 * height / _CELLS
     line = line * height
     falls[np.abs(np.arange(height + 1)[:, None] - line[0] - (line[1] - line[0]) * x) > reach] = 0
-    found = []
-    for sign in (1.0, -1.0):  # most skies are brighter than water
-        even = np.clip(sign * falls / np.maximum((sign * falls).max(axis=0), _MAX_STEP), 0, 1) ** 2
-        best = line
-        for step in _SEARCH:
-            best = _best_line(even, x, best, reach if step == _SEARCH[0] else 2, step)
-        found.append((float(_along(even, x, best[None]).mean()), sign, best))
-    _, sign, line = max(found, key=lambda one: one[0])
-    along, sharp = (sign * _along(values, x, line[None]) for values in (falls, narrow))
+    even = np.clip(falls / np.maximum(falls.max(axis=0), _MAX_STEP), 0, 1) ** 2
+    for step in _SEARCH:
+        line = _best_line(even, x, line, reach if step == _SEARCH[0] else 2, step)
+    along, sharp = (_along(values, x, line[None]) for values in (falls, narrow))
     on_line = along > _MIN_STEP
     if on_line.mean() < _MIN_ON_LINE or sharp[on_line].sum() < _MIN_SHARPNESS * along[on_line].sum():
         return None
