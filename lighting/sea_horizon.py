@@ -24,9 +24,10 @@ _NOT_LAND = (SurfaceClass.SKY, SurfaceClass.WATER)
 _BAND = 4  # rows above and below a line, whose brightness differs
 _SEARCH = (2.0, 0.5, 0.125)  # rows between lines that are tried, each about the best of those before
 _MIN_STEP = 3.0  # gray levels by which it does
-_MIN_SHARPNESS = 0.65  # of that difference in half as many rows: 1 at a line, half in haze
+_MIN_SHARE = 0.7  # of the largest step near by in a column
+_MIN_SHARPNESS = 0.71  # of that difference in half as many rows: 1 at a line, half in haze
 _MAX_STEP = 8.0  # gray levels up to which columns count the more, so that dark headlands weigh no more than the sea
-_MIN_ON_LINE = 0.6  # share of the columns in which it does
+_MIN_ON_LINE = 0.65  # share of the columns in which it does
 _MIN_LENGTH = 0.35  # of the picture's columns, that show water below sky
 _MAX_CHANGE = 7.0  # deg from the camera that is known without it, of elevation and roll
 
@@ -86,7 +87,7 @@ def find_sea_horizon(pixels: NDArray[np.uint8], segments: Segments) -> tuple[flo
     for step in _SEARCH:
         line = _best_line(even, x, line, reach if step == _SEARCH[0] else 2, step)
     along, sharp = (_along(values, x, line[None]) for values in (falls, narrow))
-    on_line = along > _MIN_STEP
+    on_line = along > np.maximum(_MIN_STEP, _MIN_SHARE * falls.max(axis=0))
     if on_line.mean() < _MIN_ON_LINE or sharp[on_line].sum() < _MIN_SHARPNESS * along[on_line].sum():
         return None
     return float(line[0] / height), float(line[1] / height)

@@ -174,6 +174,8 @@ def add_detail(
     cells = _pool(fine_cells, DETAIL_ROWS)
     lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
+    if sun_angle is not None:
+        gains **= _share_off_sun(sun_angle, _SUN_DEG)  # the glow stays as bright as it was, as its detail has none
     gains *= _hand_over(lit, rim, _HAND_OVER_DEG[0])
     if detail.limit(_detail_ceiling(before * gains, _sky_limit(before, open_share, sun_angle))):
         fine_cells = fine_before * detail.means(rows)
