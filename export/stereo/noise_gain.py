@@ -20,18 +20,15 @@ from lighting.stereo.light_vectors import (
     illumination_matrices,
     modelled_day,
 )
-from lighting.stereo.schedule import (
-    HOURS,
-    Plan,
-    PlanRequest,
+from lighting.stereo.noise_gain import (
     angular_std,
     gram_matrix,
     invert_symmetric,
     largest_gain,
     noise_gain,
-    normals_of_interest,
     rotation_free_gain,
 )
+from lighting.stereo.schedule import HOURS, Plan, PlanRequest, normals_of_interest
 
 LIFTS = (10, 15, 20, 30, 45, 60, 75, 90)  # deg out of the solar plane
 DEGREES_PER_HOUR = 15

@@ -4,14 +4,7 @@ Every window holds the same number of photos, evenly spread from its start to it
 the brightest mean light vector of the plan's days to length 1, under a clear sky where skies are modelled.
 Noise is in per cent of that, which is about the brightness of a surface's best lit spot, so that the surface's albedo
 cancels. A window is judged by the median, over the orientations of interest and draws of the clouds, of the expected
-error of the normal.
-
-A patch has brightnesses b = M x, with x = albedo x normal, and noise of standard deviation sigma in each. Least squares
-gives x with covariance sigma^2 (M^T M)^-1. The noise gain of axis k is lambda_k = sqrt of the k-th diagonal of
-(M^T M)^-1. The 95 % interval of the normal's component is +- 1.96 sigma lambda_k / albedo (Hold-Geoffroy et al., What
-Is a Good Day for Outdoor Photometric Stereo?, ICCP 2015). The diagonal depends on the axes chosen; 1 / sigma_min, with
-the least singular value of M, does not and is at least as large. Both fall as 1 / sqrt(photos) and grow as 1 /
-exposure: compare only what shares both. What no light resolves has an infinite gain.
+error of the normal (noise_gain.py).
 """
 
 import math
@@ -20,151 +13,36 @@ from dataclasses import dataclass
 from datetime import date, timedelta
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import check_range
 from lighting.geometry import Floats, direction
 from lighting.records import Json
 from lighting.stereo.light_vectors import DAY_MINUTES, SkyDay, illumination_matrices
+from lighting.stereo.noise_gain import (
+    angular_error,
+    angular_std,
+    gain_from_inverse,
+    interval_95,
+    rotation_free_gain,
+    window_gram_inverses,
+)
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
 MIN_SHOTS, MAX_SHOTS = 3, 1000
 _NOISE_RANGE = (0.001, 100.0)  # per cent
+_START_STEP = 15.0  # min between the starts of windows
+MIN_WINDOW = 30.0  # min
+_MAX_DAYS = 366  # of a plan: a leap year
+_CHUNK = 1 << 16  # matrices held at once: what of them is summed stays in a processor's cache
+_NORMAL_COUNT = 180  # over the whole sphere, of which those of interest count
+_MAX_VISIBLE_ANGLE = 80.0  # deg from the facing direction, within which a camera sees orientations well
+_SPHERE_SIZE = 31  # normals across a drawn half sphere
+_COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
 
-_Z_95 = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
-_MAX_ERROR = 90.0  # deg, the largest that is stated
-_UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # rows and columns of the upper triangle
-_MIN_DETERMINANT = 1e-12  # least determinant of M^T M, of matrices scaled to unit mean diagonal
-
-
-def gram_matrix(matrix: ArrayLike) -> Floats:
-    """Return M^T M (..., 3, 3).
-
-    Args:
-        matrix: (..., T, 3) illumination matrices M.
-    """
-    m = np.asarray(matrix, dtype=np.float64)
-    return np.asarray(np.swapaxes(m, -1, -2) @ m)
-
-
-def invert_symmetric(grams: ArrayLike) -> Floats:
-    """Invert symmetric positive matrices; infinite on the diagonal where singular.
-
-    Args:
-        grams: (..., 3, 3).
-    """
-    g = np.asarray(grams, dtype=np.float64)
-    return _inverse(np.stack([g[..., row, column] for row, column in _UPPER_TRIANGLE], axis=-1))
-
-
-def _inverse(upper: Floats) -> Floats:
-    """The same of matrices given by their upper triangles (..., 6), by cofactors: a million take a second."""
-    scale = np.maximum((upper[..., 0] + upper[..., 3] + upper[..., 5]) / 3, np.finfo(np.float64).tiny)
-    a, b, c, d, e, f = np.moveaxis(upper / scale[..., None], -1, 0)
-    adjugate = [d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b]
-    determinant = a * adjugate[0] + b * adjugate[1] + c * adjugate[2]
-    solvable = determinant > _MIN_DETERMINANT
-    factor = 1 / np.where(solvable, determinant * scale, 1.0)
-    result = np.empty((*upper.shape[:-1], 3, 3))
-    for (row, column), cofactor in zip(_UPPER_TRIANGLE, adjugate, strict=True):
-        value = np.where(solvable, cofactor * factor, np.inf if row == column else 0.0)
-        result[..., row, column] = result[..., column, row] = value
-    return result
-
-
-def noise_gain(matrix: ArrayLike) -> Floats:
-    """Return the noise gain lambda_k (..., 3) of each axis.
-
-    Args:
-        matrix: (..., T, 3) illumination matrices.
-    """
-    return _gain_from_inverse(invert_symmetric(gram_matrix(matrix)))
-
-
-def largest_gain(matrix: ArrayLike) -> Floats:
-    """Return the largest noise gain of the three axes, lambda_max (...).
-
-    Args:
-        matrix: (..., T, 3) illumination matrices.
-    """
-    return np.asarray(noise_gain(matrix).max(axis=-1))
-
-
-def rotation_free_gain(matrix: ArrayLike) -> Floats:
-    """Return the gain along the worst direction, whatever the axes: 1 / sigma_min (...).
-
-    Args:
-        matrix: (..., T, 3) illumination matrices.
-    """
-    m = np.asarray(matrix, dtype=np.float64)
-    if m.shape[-2] < 3:
-        return np.full(m.shape[:-2], np.inf)
-    least = np.linalg.svd(m, compute_uv=False)[..., -1]
-    with np.errstate(divide="ignore"):
-        return np.asarray(1 / least)
-
-
-def _gain_from_inverse(inverses: Floats) -> Floats:
-    """Return the noise gain (..., 3) of each axis.
-
-    Args:
-        inverses: (..., 3, 3), (M^T M)^-1.
-    """
-    return np.asarray(np.sqrt(np.diagonal(inverses, axis1=-2, axis2=-1)))
-
-
-def _interval_95(gain: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
-    """Return half the width (...) of the 95 % interval of a normal's component.
-
-    Args:
-        gain: (...) noise gains.
-        noise: standard deviation of a pixel.
-        albedo: of the surface, over 0.
-    """
-    return np.asarray(_Z_95 * noise * np.asarray(gain, dtype=np.float64) / albedo)
-
-
-def angular_std(inverses: Floats, normals: ArrayLike) -> Floats:
-    """Return the root mean square rotation [rad] (...) of normals per noise / albedo.
-
-    To first order in the noise, where only what moves x across the normal rotates it.
-
-    Args:
-        inverses: (..., 3, 3), (M^T M)^-1.
-        normals: (..., 3) unit vectors.
-    """
-    n = np.asarray(normals, dtype=np.float64)
-    tangent = np.eye(3) - n[..., :, None] * n[..., None, :]
-    square = np.einsum("...ij,...ij->...", np.where(np.isfinite(inverses), inverses, 0.0), tangent)
-    solvable = np.isfinite(inverses[..., 0, 0])
-    return np.asarray(np.where(solvable, np.sqrt(np.maximum(square, 0.0)), np.inf))
-
-
-def _angular_error(std: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
-    """Return the expected error [deg] (...) of normals, at most 90.
-
-    Args:
-        std: (...), as `angular_std` returns it.
-        noise: standard deviation of a pixel.
-        albedo: of the surface, over 0.
-    """
-    return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(std, dtype=np.float64)), _MAX_ERROR))
-
-
-def _window_gram_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
-    """Return (M^T M)^-1 (N, ..., 3, 3) of windows of a day.
-
-    Args:
-        matrix: (N, T, 3) illumination matrices of the day.
-        moments: (..., shots) indices of each window's photos, as many in each, so that gains compare.
-    """
-    m = np.asarray(matrix, dtype=np.float64)
-    products = np.stack([m[..., row] * m[..., column] for row, column in _UPPER_TRIANGLE], axis=-1)
-    total = np.zeros((len(m), *moments.shape[:-1], 6))
-    for index in np.moveaxis(moments, -1, 0):
-        total += np.take(products, index, axis=1)
-    return _inverse(total)
+_NamedNormal = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
+_DayReader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine
 
 
 def _sphere_normals(count: int) -> Floats:
@@ -173,16 +51,6 @@ def _sphere_normals(count: int) -> Floats:
     angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
     level = np.sqrt(1 - up**2)
     return np.stack([level * np.sin(angle), up, -level * np.cos(angle)], axis=-1)
-
-
-# Orientations of a surface.
-
-_NamedNormal = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
-
-_NORMAL_COUNT = 180  # over the whole sphere, of which those of interest count
-_MAX_VISIBLE_ANGLE = 80.0  # deg from the facing direction, within which a camera sees orientations well
-
-_COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
 
 
 def normals_of_interest(facing: float | None) -> Floats:
@@ -388,13 +256,6 @@ def _round_finite(value: float) -> float | None:
     return float(f"{value:.4g}") if math.isfinite(value) else None
 
 
-# Windows of a day, scored.
-
-_START_STEP = 15.0  # min between the starts of windows
-MIN_WINDOW = 30.0  # min
-_CHUNK = 1 << 16  # matrices held at once: what of them is summed stays in a processor's cache
-
-
 @dataclass(frozen=True)
 class _Windows:
     """W windows of a day, each with the same number of photos."""
@@ -446,9 +307,9 @@ def _score_windows(windows: _Windows, light: Floats, normals: Floats) -> _Window
     step = max(1, _CHUNK // (len(windows.moments) * len(normals)))
     scores = _WindowScores(np.empty(len(windows)), np.empty(len(windows)))
     for chunk in (slice(start, start + step) for start in range(0, len(windows), step)):
-        inverses = _window_gram_inverses(light, windows.moments[:, chunk])
+        inverses = window_gram_inverses(light, windows.moments[:, chunk])
         scores.angular_std[chunk] = np.median(angular_std(inverses, normals[:, None, None]), axis=(0, 1))
-        scores.gain[chunk] = np.median(_gain_from_inverse(inverses).max(axis=-1), axis=(0, 1))
+        scores.gain[chunk] = np.median(gain_from_inverse(inverses).max(axis=-1), axis=(0, 1))
     return scores
 
 
@@ -457,13 +318,7 @@ def _windows_in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _W
     return _Windows(start[lit], end[lit], moments[:, lit])
 
 
-# The plan of the best day.
-
 DayProgress = Callable[[Sequence[date]], Iterable[date]]
-_DayReader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine
-
-_MAX_DAYS = 366  # of a plan: a leap year
-_SPHERE_SIZE = 31  # normals across a drawn half sphere
 
 
 def days_between(first: date, last: date) -> list[date]:
@@ -510,7 +365,7 @@ def make_plan(
     if not any(summary.has_window for summary in summaries):
         raise ParameterError(summaries[0].objection, "first", ErrorCode.INSUFFICIENT)
     scale = reference or max(summary.brightest for summary in summaries)
-    errors = _angular_error(np.stack([summary.angular_std for summary in summaries]) * scale, question.noise / 100)
+    errors = angular_error(np.stack([summary.angular_std for summary in summaries]) * scale, question.noise / 100)
     burden = np.log(errors).sum(axis=1) + np.where([summary.has_window for summary in summaries], 0, np.inf)
     chosen = int(np.argmin(burden))
     best = summaries[chosen].day_light or read(days[chosen], False)
@@ -559,7 +414,7 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
         best = int(np.argmin(scores.angular_std))
         moments = windows.moments[:, best]
         start, end, gain = (float(each[best]) for each in (windows.start, windows.end, scores.gain))
-        error = float(_angular_error(scores.angular_std[best], question.noise / 100))
+        error = float(angular_error(scores.angular_std[best], question.noise / 100))
         free_gain = float(np.median(rotation_free_gain(light[:, moments])))
         orientations = tuple(_predict_orientations(day, moments, question, scale))
         sphere = _sphere_gains(day, moments, question, scale)
@@ -572,16 +427,16 @@ def _predict_orientations(
     """What each named orientation gets of photos at moments (K, shots)."""
     names, normals = _named_normals(question.facing)
     inverses, noise = _gram_inverses(day, moments, normals, scale), question.noise / 100
-    error = np.median(_angular_error(angular_std(inverses, normals[:, None]), noise), axis=1)
-    gain = np.median(_gain_from_inverse(inverses), axis=1)
-    for name, e, g, interval in zip(names, error, gain, _interval_95(gain, noise), strict=True):
+    error = np.median(angular_error(angular_std(inverses, normals[:, None]), noise), axis=1)
+    gain = np.median(gain_from_inverse(inverses), axis=1)
+    for name, e, g, interval in zip(names, error, gain, interval_95(gain, noise), strict=True):
         east, up, south = map(float, interval)
         yield _SurfaceOrientation(*name, float(e), float(g.max()), (east, up, south))
 
 
 def _sphere_gains(day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float) -> Floats:
     normals = _half_sphere_normals(question.facing, _SPHERE_SIZE).reshape(-1, 3)
-    gain = _gain_from_inverse(_gram_inverses(day, moments, normals, scale)).max(axis=-1)
+    gain = gain_from_inverse(_gram_inverses(day, moments, normals, scale)).max(axis=-1)
     return np.asarray(np.median(gain, axis=1).reshape(_SPHERE_SIZE, _SPHERE_SIZE))
 
 
@@ -589,4 +444,4 @@ def _gram_inverses(day: SkyDay, moments: NDArray[np.intp], normals: Floats, scal
     """(M^T M)^-1 (N, K, 3, 3) of photos at moments (K, shots) for normals (N, 3)."""
     used, index = np.unique(moments, return_inverse=True)
     light = illumination_matrices(day.skies.at(used), normals)[..., 0] / scale
-    return _window_gram_inverses(light, index.reshape(moments.shape))
+    return window_gram_inverses(light, index.reshape(moments.shape))
