@@ -550,8 +550,9 @@ class TestObject:
     def test_a_turntable_is_an_animated_webp(self, seen: Seen, folder: Path) -> None:
         assert seen["turntable"] == "small-turntable.webp"
         with Image.open(folder / "turntable.webp") as turntable:
-            assert (turntable.format, turntable.n_frames, turntable.info["loop"]) == ("WEBP", 36, 0)
+            assert (turntable.format, turntable.info["loop"]) == ("WEBP", 0)
             frames = [np.asarray(frame.convert("RGB"), np.float64) for frame in ImageSequence.Iterator(turntable)]
+        assert len(frames) == 36
         assert np.abs(frames[9] - frames[0]).max() > 40  # the teapot's spout is elsewhere
         assert np.abs(frames[9] - frames[0])[0].max() < 12  # the sky is not
 
