@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 from lighting.errors import OLD_NAMES, SHORT_FORMS, ErrorCode, ParameterError
 from lighting.fields import parameter_name
 from lighting.files import FileOptions
+from lighting.fusion.drawn_camera import read_fspy
 from lighting.fusion.user_input import DRAWN_FIELDS, UserInput, check_headings, read_headings
 from lighting.light_probe import LIGHT_PROBE_FORMATS
 from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
@@ -87,11 +88,14 @@ class UserInputQuery(Query):
     )
     horizon: str = Field("", description="of one photo: two points of its horizon in pixels, X,Y,X,Y")
     vertical: str = Field(
-        "", description="of one photo: lines along upright edges in pixels, X,Y,X,Y, separated by `;`"
+        "",
+        description="of one photo: lines along upright edges in pixels, X,Y,X,Y, separated by `;`; "
+        "`level:X,Y,X,Y,X,Y,X,Y` of level edges that are parallel",
     )
     reference: str = Field(
         "", description="of one photo: a thing of known size, X,Y,X,Y,METERS from foot to top; `ground:` if it lies"
     )
+    camera: str = Field("", description="of one photo: its camera, as the JSON that fSpy exports", max_length=8192)
     spot: str = Field("", description="of one photo: where an object stands on its ground, in pixels, X,Y")
     keep_location: types.Flag = Field(False, description="put latitude and longitude into the answer")
 
@@ -111,6 +115,7 @@ class UserInputQuery(Query):
             horizon=self.horizon or None,
             verticals=verticals,
             reference=self.reference or None,
+            camera=read_fspy(self.camera.encode()) if self.camera else None,
             spot=self.spot or None,
             **{name: getattr(self, parameter_name(name)) for name in names},
         )

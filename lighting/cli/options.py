@@ -551,7 +551,8 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         "verticals",
         metavar="X,Y,X,Y",
         multiple=True,
-        help="A line along an edge that stands upright: tilt and, of two or more, the lens. Repeatable.",
+        help="A line along an edge that stands upright: tilt and, of two or more, the lens. Repeatable. "
+        "Also level:X,Y,X,Y,X,Y,X,Y of level edges that are parallel.",
     ),
     "reference": click.option(
         "--reference",

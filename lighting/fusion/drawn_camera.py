@@ -1,14 +1,23 @@
-"""The camera by what a person draws in a photo: its horizon, upright edges, a thing of known size; or by fSpy.
+"""The camera by what a person draws in a photo: its horizon, straight edges, a thing of known size; or by fSpy.
 
 Lines are fused with the camera that the pixels show, by least squares over elevation, roll and field of view. A line of
-the horizon has two ends without elevation. An upright line and the camera span a plane that holds the vertical. Both
-are right up to the person's hand, so that a long line counts more than a short one.
+the horizon has two ends without elevation. An upright line and the camera span a plane that holds the vertical; of
+level lines that are parallel, the planes share a level direction. Two such directions that cross at nearly a right
+angle do so: houses have corners. All are right up to the person's hand, so that a long line counts more than a short
+one.
+
+Upright lines and such a right angle also tell a cropped photo: its principal point [1] is off its middle. The answer is
+then the camera that looks at the middle.
+
+References:
+    [1] Caprile and Torre, Using Vanishing Points for Camera Calibration, IJCV 1990.
 """
 
 import math
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import combinations
 
 import numpy as np
 
@@ -19,13 +28,17 @@ from lighting.geometry import Floats, Pinhole, pixel_ray
 Line = tuple[float, float, float, float]
 
 _HAND_STD = 0.003  # of an end of a line, as a share of the photo's longer side
-_UPRIGHT_STD = 0.3  # deg, of things that stand upright
+_UPRIGHT_STD = 0.3  # deg, of things that stand upright, or are level and parallel
 _CAMERA_STD = (3.5, 2.0)  # deg, of the camera by the pixels: elevation and roll
 _FOV_STD, _KNOWN_FOV_STD = 0.08, 1e-4  # of the logarithm of the field of view's tangent: by the pixels, and known
+_PRINCIPAL_STD = 0.15  # of the principal point from the middle, for photos may be cropped; of the longer side
+_CORNER_STD = 0.5  # deg, of the right angle between two level directions
+_MAX_CORNER = 20.0  # deg by which that angle may be off a right one by the pixels' camera, to be one
+_MAX_SKEW = 5.0  # deg by which a line may be off the common direction of parallel ones
 _MAX_LEAN = 30.0  # deg from the camera's vertical, of an upright line by the pixels' camera
 _MIN_LENGTH = 10.0  # pixels, of a line
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
-_STEPS, _MAX_STEP = 20, np.array([15.0, 15.0, 0.5])  # of Gauss and Newton
+_STEPS, _MAX_STEP = 20, np.array([15.0, 15.0, 0.5, 0.1, 0.1])  # of Gauss and Newton
 _DIFFERENCE = 1e-4  # of numerical derivatives
 _FSPY_HEADER = struct.Struct("<4sIII")  # name, version, bytes of the state, bytes of the picture
 MAX_FSPY_BYTES = 100_000_000
@@ -43,6 +56,14 @@ class Reference:
     """How long it is, 0.01 to 1000."""
     lies: bool = False
     """Whether it lies on the ground, where any two points of the ground do."""
+
+
+@dataclass(frozen=True)
+class LevelLines:
+    """Edges that are level in the world and parallel to each other, two or more; x, y, x, y in pixels."""
+
+    lines: tuple[Line, ...]
+    """One of each edge."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +86,8 @@ class DrawnCamera:
     """Two points of the horizon. None: not drawn."""
     verticals: tuple[Line, ...] = ()
     """Edges that stand upright in the world."""
+    levels: tuple[LevelLines, ...] = ()
+    """Level edges, one for each direction."""
     known: KnownCamera | None = None
     """In place of lines. None: not known."""
 
@@ -75,13 +98,16 @@ class DrawnCamera:
             right: pixels.
             down: pixels.
         """
-        shift = (right, down, right, down)
-        horizon, *verticals = (
-            None if line is None else tuple(a + b for a, b in zip(line, shift, strict=True))
-            for line in (self.horizon, *self.verticals)
+
+        def moved(line: Line) -> Line:
+            return line[0] + right, line[1] + down, line[2] + right, line[3] + down
+
+        return replace(
+            self,
+            horizon=self.horizon and moved(self.horizon),
+            verticals=tuple(map(moved, self.verticals)),
+            levels=tuple(LevelLines(tuple(map(moved, group.lines))) for group in self.levels),
         )
-        moved: Any = {"horizon": horizon, "verticals": tuple(verticals)}
-        return replace(self, **moved)
 
 
 def read_line(text: str, field: str) -> Line:
@@ -99,6 +125,25 @@ def read_line(text: str, field: str) -> Line:
             return a, b, c, d
     sentence = f"{text!r} is no line in pixels such as 0,410,1200,395."
     raise ParameterError(sentence, field, ErrorCode.MALFORMED)
+
+
+def read_edge(text: str) -> Line | LevelLines:
+    """Read an upright line such as "80,700,95,150", or level ones such as "level:80,300,500,340,80,600,500,560".
+
+    Args:
+        text: x and y of a line's ends in pixels of the upright photo; after "level:" those of two or more lines.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    kind, _, numbers = text.strip().rpartition(":")
+    match kind, _numbers(numbers):
+        case "", [a, b, c, d]:
+            return a, b, c, d
+        case "level", [_, _, _, _, _, _, _, _, *_] as found if len(found) % 4 == 0:
+            return LevelLines(tuple((a, b, c, d) for a, b, c, d in zip(*(found[i::4] for i in range(4)), strict=True)))
+    sentence = f"{text!r} is no edge in pixels such as 80,700,95,150 or level:80,300,500,340,80,600,500,560."
+    raise ParameterError(sentence, "verticals", ErrorCode.MALFORMED)
 
 
 def read_spot(text: str) -> tuple[float, float]:
@@ -156,6 +201,22 @@ def check_line(line: object, field: str) -> None:
         raise ParameterError(sentence, field, ErrorCode.OUT_OF_RANGE)
 
 
+def check_edge(edge: object) -> None:
+    """Raise ParameterError for what is neither an upright line nor level ones.
+
+    Args:
+        edge: what a caller passed as one.
+    """
+    if not isinstance(edge, LevelLines):
+        check_line(edge, "verticals")
+        return
+    if not isinstance(edge.lines, tuple) or len(edge.lines) < 2:
+        sentence = "Level lines are two or more that are parallel in the world."
+        raise ParameterError(sentence, "verticals", ErrorCode.WRONG_TYPE)
+    for line in edge.lines:
+        check_line(line, "verticals")
+
+
 def check_spot(spot: object) -> None:
     """Raise ParameterError for what is no point of a photo.
 
@@ -194,7 +255,7 @@ def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinh
         lens_known: whether its field of view is known, and stays.
 
     Raises:
-        ParameterError: a line that is said to be upright lies flat.
+        ParameterError: a line that is said to be upright lies flat, or lines that are said to be parallel are not.
     """
     if drawn.known is not None:
         known = drawn.known
@@ -202,27 +263,69 @@ def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinh
     if any(abs(_lean(camera, line)) > _MAX_LEAN for line in drawn.verticals):
         sentence = "A line that is said to be upright lies flat in the photo; draw along a wall's edge or a post."
         raise ParameterError(sentence, "verticals", ErrorCode.CONTRADICTION)
-    prior_std = np.array([*_CAMERA_STD, _KNOWN_FOV_STD if lens_known else _FOV_STD])
+    prior_std = (*_CAMERA_STD, _KNOWN_FOV_STD if lens_known else _FOV_STD)
+    pairs = combinations(range(len(drawn.levels)), 2)
+    corners = [pair for pair in pairs if abs(_off_right_angle(camera, drawn, *pair)) <= _MAX_CORNER]
+    principal_std = (_PRINCIPAL_STD,) * 2 if drawn.verticals and corners and not lens_known else ()
+    change = _least_squares(camera, drawn, corners, np.array([*prior_std, *principal_std]))
+    fitted, shift = _change_camera(camera, change), _principal_shift(camera, change)
+    skews = [angle for group in drawn.move(*shift).levels for angle in _skews(fitted, group)]
+    if max(map(abs, skews), default=0.0) > _MAX_SKEW:
+        sentence = (
+            "Lines that are said to be level and parallel do not meet on the horizon; draw along edges of one wall."
+        )
+        raise ParameterError(sentence, "verticals", ErrorCode.CONTRADICTION)
+    if any(shift):
+        fitted = _look_at_middle(fitted, shift)
+    return replace(fitted, vertical_fov=camera.vertical_fov) if lens_known else fitted
+
+
+def _least_squares(
+    camera: Pinhole, drawn: DrawnCamera, corners: Sequence[tuple[int, int]], prior_std: Floats
+) -> Floats:
+    """The change of the camera, as long as the deviations of what may change.
+
+    Corners are pairs of level directions that cross at right angles.
+    """
 
     def residuals(change: Floats) -> Floats:
-        return np.concatenate([change / prior_std, _line_residuals(_change_camera(camera, change), drawn)])
+        lines, changed = drawn.move(*_principal_shift(camera, change)), _change_camera(camera, change)
+        turned = [_off_right_angle(changed, lines, *pair) / _CORNER_STD for pair in corners]
+        return np.concatenate([change / prior_std, _line_residuals(changed, lines), turned])
 
-    change = np.zeros(3)
+    change = np.zeros(len(prior_std))
     for _ in range(_STEPS):
         here = residuals(change)
         columns = [
             (residuals(change + _DIFFERENCE * unit) - residuals(change - _DIFFERENCE * unit)) / (2 * _DIFFERENCE)
-            for unit in np.eye(3)
+            for unit in np.eye(len(change))
         ]
         step = np.linalg.lstsq(np.stack(columns, axis=1), -here, rcond=None)[0]
-        change = change + np.clip(step, -_MAX_STEP, _MAX_STEP)
-    fitted = _change_camera(camera, change)
-    return replace(fitted, vertical_fov=camera.vertical_fov) if lens_known else fitted
+        change = change + np.clip(step, -_MAX_STEP[: len(change)], _MAX_STEP[: len(change)])
+    return change
+
+
+def _principal_shift(camera: Pinhole, change: Floats) -> tuple[float, float]:
+    """By how many pixels right and down lines move, so that the principal point comes to the picture's middle."""
+    side = max(camera.width, camera.height)
+    return (-side * float(change[3]), -side * float(change[4])) if len(change) > 3 else (0.0, 0.0)
+
+
+def _look_at_middle(camera: Pinhole, shift: tuple[float, float]) -> Pinhole:
+    """The camera turned to look at the middle of a picture whose points were moved."""
+    width, height = camera.width, camera.height
+
+    def ray(x: float, y: float) -> Floats:
+        return pixel_ray(camera, (x + shift[0], y + shift[1]))
+
+    rays = ray(width / 2, height / 2), ray(width / 2, 0.0), ray(width / 2, height)
+    known = _camera_through(*rays, up=np.array([0.0, 1.0, 0.0]))
+    return replace(camera, elevation=known.elevation, roll=known.roll, vertical_fov=known.vertical_fov)
 
 
 def _change_camera(camera: Pinhole, change: Floats) -> Pinhole:
     """The camera with other elevation and roll [deg], and another logarithm of half its field of view's tangent."""
-    elevation, roll, log_tangent = map(float, change)
+    elevation, roll, log_tangent = map(float, change[:3])
     half = math.atan(math.tan(math.radians(camera.vertical_fov / 2)) * math.exp(log_tangent))
     low, high = RANGES["vertical_fov"]
     return replace(
@@ -244,7 +347,35 @@ def _line_residuals(camera: Pinhole, drawn: DrawnCamera) -> Floats:
     for line in drawn.verticals:
         turned = math.degrees(math.sqrt(2) * hand / math.dist(line[:2], line[2:]))
         found.append(_lean(camera, line) / math.hypot(turned, _UPRIGHT_STD))
+    for group in drawn.levels:
+        found += [
+            skew / math.hypot(math.degrees(math.sqrt(2) * hand / math.dist(line[:2], line[2:])), _UPRIGHT_STD)
+            for skew, line in zip(_skews(camera, group), group.lines, strict=True)
+        ]
     return np.array(found)
+
+
+def _skews(camera: Pinhole, group: LevelLines) -> list[float]:
+    """The angles [deg] between the planes of lines and the camera, and the level direction that lies nearest to all."""
+    x, z = _level_direction(normals := _plane_normals(camera, group))
+    return [math.degrees(math.asin(float(np.clip(normal @ (x, 0.0, z), -1.0, 1.0)))) for normal in normals]
+
+
+def _plane_normals(camera: Pinhole, group: LevelLines) -> Floats:
+    """Unit vectors (N, 3) across the planes that lines and the camera span."""
+    normals = np.array([np.cross(pixel_ray(camera, line[:2]), pixel_ray(camera, line[2:])) for line in group.lines])
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def _level_direction(normals: Floats) -> Floats:
+    """The level direction, x and z (2,), that lies nearest to planes."""
+    return np.asarray(np.linalg.svd(normals[:, [0, 2]])[2][-1])
+
+
+def _off_right_angle(camera: Pinhole, drawn: DrawnCamera, first: int, second: int) -> float:
+    """By how much [deg] two level directions are off a right angle."""
+    one, other = (_level_direction(_plane_normals(camera, drawn.levels[index])) for index in (first, second))
+    return math.degrees(math.asin(float(np.clip(one @ other, -1.0, 1.0))))
 
 
 def _lean(camera: Pinhole, line: Line) -> float:
@@ -340,7 +471,11 @@ def _camera_of_fspy(
         vector = axes @ np.array([right - x, above - y, -focal])
         return np.asarray(vector / np.linalg.norm(vector))
 
-    forward, top, bottom = ray(0.0, 0.0), ray(0.0, height), ray(0.0, -height)
+    return _camera_through(ray(0.0, 0.0), ray(0.0, height), ray(0.0, -height), up)
+
+
+def _camera_through(forward: Floats, top: Floats, bottom: Floats, up: Floats) -> KnownCamera:
+    """The camera that looks along a ray (3,), by those through the middles of the picture's upper and lower edge."""
     level = np.cross(forward, up)
     level = level / np.linalg.norm(level)
     right = np.cross(forward, top - bottom)

@@ -13,11 +13,14 @@ from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range
 from lighting.fusion.drawn_camera import (
     DrawnCamera,
     KnownCamera,
+    LevelLines,
     Line,
     Reference,
+    check_edge,
     check_line,
     check_reference,
     check_spot,
+    read_edge,
     read_line,
     read_reference,
     read_spot,
@@ -58,8 +61,8 @@ class UserInput:
     """What the user marked in the photo, in pixels of the upright picture."""
     horizon: Line | None = None
     """Two points of the horizon: x, y, x, y in pixels of the upright picture."""
-    verticals: tuple[Line, ...] = ()
-    """Edges that stand upright in the world, each x, y, x, y in pixels as `horizon`."""
+    verticals: tuple[Line | LevelLines, ...] = ()
+    """Edges that stand upright in the world, each x, y, x, y in pixels as `horizon`; and level ones."""
     reference: Reference | None = None
     """A thing of known size, which gives the camera's height."""
     camera: KnownCamera | None = None
@@ -81,7 +84,7 @@ class UserInput:
         keep_location: bool = False,
         shadows: Sequence[ShadowMark | str] = (),
         horizon: Line | str | None = None,
-        verticals: Sequence[Line | str] = (),
+        verticals: Sequence[Line | LevelLines | str] = (),
         reference: Reference | str | None = None,
         camera: KnownCamera | None = None,
         spot: tuple[float, float] | str | None = None,
@@ -105,7 +108,8 @@ class UserInput:
             shadows: Shadow, OwnShadow, ShadowLine and LitSide of `lighting.fusion.shadows`, also as texts such as
                 "310,820,455,790"; see `read_shadow`.
             horizon: x, y, x, y of two points of the horizon in pixels of the upright picture, also as a text.
-            verticals: lines along edges that stand upright in the world, as `horizon`.
+            verticals: lines along edges that stand upright in the world, as `horizon`; and LevelLines of
+                `lighting.fusion.drawn_camera`, also as texts, see `read_edge`.
             reference: a thing of known size, also as a text such as "310,820,305,400,1.8"; see `read_reference` of
                 `lighting.fusion.drawn_camera`.
             camera: that another program has found, such as `read_fspy` of `lighting.fusion.drawn_camera` reads.
@@ -133,7 +137,7 @@ class UserInput:
             "keep_location": keep_location,
             "shadows": tuple(read_shadow(mark) if isinstance(mark, str) else mark for mark in shadows),
             "horizon": read_line(horizon, "horizon") if isinstance(horizon, str) else horizon,
-            "verticals": tuple(read_line(line, "verticals") if isinstance(line, str) else line for line in verticals),
+            "verticals": tuple(read_edge(edge) if isinstance(edge, str) else edge for edge in verticals),
             "reference": read_reference(reference) if isinstance(reference, str) else reference,
             "camera": camera,
             "spot": read_spot(spot) if isinstance(spot, str) else spot,
@@ -175,13 +179,15 @@ class UserInput:
         """What the user states of the camera in the photo; None: nothing."""
         if self.camera is None and self.horizon is None and not self.verticals:
             return None
-        return DrawnCamera(self.horizon, self.verticals, self.camera)
+        levels = tuple(edge for edge in self.verticals if isinstance(edge, LevelLines))
+        upright = tuple(edge for edge in self.verticals if not isinstance(edge, LevelLines))
+        return DrawnCamera(self.horizon, upright, levels, self.camera)
 
     def _check_camera(self) -> None:
         if self.horizon is not None:
             check_line(self.horizon, "horizon")
-        for line in self.verticals:
-            check_line(line, "verticals")
+        for edge in self.verticals:
+            check_edge(edge)
         if self.reference is not None:
             check_reference(self.reference)
             if self.camera_height is not None:

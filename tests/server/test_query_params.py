@@ -2,6 +2,7 @@
 
 import json
 import logging
+import math
 import zipfile
 from datetime import datetime, timedelta, timezone
 from io import BytesIO
@@ -162,9 +163,7 @@ def test_names_are_those_of_the_command_line() -> None:
     for option in _OPTIONS.values():
         command: Any = option(lambda: None)
         options.add(command.__click_params__[0].opts[0].removeprefix("--"))
-    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-metadata", "camera"} | {
-        "metadata"
-    }
+    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-metadata"} | {"metadata"}
 
 
 @pytest.mark.parametrize(
@@ -481,11 +480,23 @@ def test_what_is_drawn_in_a_photo_counts_as_for_the_library(client: TestClient, 
     assert {"shadow", "drawn camera"} <= set(found["evidence"])
 
 
+def test_a_camera_of_fspy_counts_as_for_the_library(client: TestClient) -> None:
+    rows = np.eye(4).tolist()  # level, and looks along the world's third axis
+    camera = {"cameraTransform": {"rows": rows}, "principalPoint": {"x": 0.0, "y": 0.0}, "horizontalFieldOfView": 1.0}
+    text = json.dumps(camera | {"imageWidth": 320, "imageHeight": 240})
+    found = estimate(client, PLAIN, camera=text)["camera"]
+    assert (found["elevation"], found["roll"]) == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert found["vertical_fov"] == pytest.approx(math.degrees(2 * math.atan(0.75 * math.tan(0.5))), abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("query", "field"),
     [
         ({"horizon": "1,2,3"}, "horizon"),
         ({"vertical": "1,2,3,4"}, "vertical"),
+        ({"vertical": "level:1,2,300,4"}, "vertical"),
+        ({"camera": "{}"}, "camera"),
+        ({"camera": "[" * 9000}, "camera"),
         ({"reference": "1,2,300,4,x"}, "reference"),
         ({"reference": "1,2,300,4,2", "camera_height": "2"}, "reference"),
         ({"shadow": "1,2"}, "shadow"),

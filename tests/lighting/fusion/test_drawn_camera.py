@@ -12,16 +12,18 @@ from lighting.errors import ParameterError
 from lighting.fusion.drawn_camera import (
     DrawnCamera,
     KnownCamera,
+    LevelLines,
     Line,
     Reference,
     fit_camera,
     height_by_reference,
+    read_edge,
     read_fspy,
     read_line,
     read_reference,
 )
 from lighting.fusion.user_input import UserInput
-from lighting.geometry import Floats, Pinhole, camera_pixel, direction
+from lighting.geometry import Floats, Pinhole, camera_pixel, direction, pixel_ray
 
 TRUE = Pinhole(1200, 900, 52.0, 0.0, -7.0, 4.0)
 GUESS = replace(TRUE, vertical_fov=57.0, elevation=1.0, roll=0.0)  # by the pixels, wrong
@@ -65,6 +67,44 @@ def test_upright_lines_alone_tilt_the_camera() -> None:
     assert (fitted.elevation, fitted.roll) == pytest.approx((-7.0, 4.0), abs=1.5)
 
 
+def level(height: float, azimuth: float, begin: float, end: float) -> Line:
+    """An edge that runs towards an azimuth on the side of a house, at a height over the camera [m]."""
+    wall = 6.0 * direction(azimuth + 45.0, 0.0) if azimuth < 0 else 6.0 * direction(azimuth - 45.0, 0.0)
+    ends = (wall + along * direction(azimuth, 0.0) + [0.0, height, 0.0] for along in (begin, end))
+    return tuple(value for end in ends for value in pixel(end / np.linalg.norm(end)))  # type: ignore[return-value]
+
+
+HOUSE = tuple(LevelLines((level(-1.5, a, 1.0, 7.0), level(1.2, a, 1.0, 7.0))) for a in (-45.0, 45.0))
+
+
+def test_level_edges_of_a_house_give_tilt_and_lens() -> None:
+    fitted = fit_camera(GUESS, DrawnCamera(levels=HOUSE), lens_known=False)
+    assert (fitted.elevation, fitted.roll) == pytest.approx((-7.0, 4.0), abs=1.0)
+    assert fitted.vertical_fov == pytest.approx(52.0, abs=1.5)
+
+
+@pytest.mark.parametrize("cut", [400, 500])
+def test_edges_of_a_cropped_photo_tell_where_its_camera_looked(cut: int) -> None:
+    """Whose principal point is not the middle of what is left."""
+    drawn = DrawnCamera(verticals=(vertical(-12.0), vertical(20.0)), levels=HOUSE).move(-cut, 0.0)
+    guess = replace(GUESS, width=1200 - cut, elevation=-9.0, vertical_fov=45.0)
+    fitted = fit_camera(guess, drawn, lens_known=False)
+    for x, y in ((0.5, 0.5), (0.5, 0.2), (0.8, 0.8)):
+        point = x * guess.width, y * guess.height
+        elevation, true = (
+            math.degrees(math.asin(pixel_ray(camera, (point[0] + left, point[1]))[1]))
+            for camera, left in ((fitted, 0), (TRUE, cut))
+        )
+        assert elevation == pytest.approx(true, abs=1.5)  # 1.8 and 2.5 off without a principal point
+
+
+def test_level_lines_that_do_not_meet_are_no_parallel_ones() -> None:
+    group = LevelLines((HOUSE[0].lines[0], HOUSE[1].lines[1], HOUSE[0].lines[1]))
+    with pytest.raises(ParameterError, match="do not meet on the horizon") as caught:
+        fit_camera(TRUE, DrawnCamera(levels=(group,)), lens_known=True)
+    assert caught.value.field == "verticals"
+
+
 def test_a_short_line_counts_less_than_a_long_one() -> None:
     short = (*pixel(direction(0.0, -1.0)), *pixel(direction(0.0, 0.0)))
     rolls = [fit_camera(GUESS, DrawnCamera(verticals=(ln,)), lens_known=True).roll for ln in (short, vertical(0.0))]
@@ -105,6 +145,11 @@ def test_a_reference_off_the_ground_is_refused(reference: Reference, sentence: s
 
 
 def test_lines_and_references_are_read() -> None:
+    assert read_edge("80,700,95,150") == (80.0, 700.0, 95.0, 150.0)
+    assert read_edge("level:0,1,2,3,4,5,6,7") == LevelLines(((0.0, 1.0, 2.0, 3.0), (4.0, 5.0, 6.0, 7.0)))
+    for text in ("", "level:0,1,2,3", "level:0,1,2,3,4,5", "flat:0,1,2,3,4,5,6,7"):
+        with pytest.raises(ParameterError, match="is no edge"):
+            read_edge(text)
     assert read_line("0,410, 1200,395", "horizon") == (0.0, 410.0, 1200.0, 395.0)
     assert read_reference("310,820,305,400,1.8") == Reference((310.0, 820.0), (305.0, 400.0), 1.8)
     assert read_reference("ground:1,2,3,4,5").lies
@@ -122,6 +167,8 @@ def test_lines_and_references_are_read() -> None:
         {"horizon": (1.0, 2.0, 3.0)},
         {"horizon": (1.0, 2.0, 3.0, 4.0)},
         {"verticals": [(0.0, 0.0, 0.0, math.inf)]},
+        {"verticals": [LevelLines(((0.0, 0.0, 200.0, 0.0),))]},
+        {"verticals": ["level:0,0,200,0,5,5,6,6"]},
         {"reference": "1,2,300,400,0"},
         {"reference": "1,2,300,400,2", "camera_height": 2.0},
         {"camera": "scene.fspy"},
