@@ -50,11 +50,12 @@ _LEFT_OUT = (
     *("docklands_02_sceneview", "mfecane_1208", "mfecane_1211", "mfecane_1227"),  # one knows the place: crane, ruin
     "mfecane_1222",  # a wall so near that it fills half the map
     "limpopo_golf_course",  # taken above a pit, whose rim lies all around
+    "mfecane_1229",  # a burning sky, which other colors make green
     *("mfecane_1186", "mfecane_1200", "mfecane_1210", "modern_buildings_2"),  # a roof, a pool, a pavilion
 )
 _KIND_OF = {  # the others are cities
     "waterfront": (
-        *("mfecane_1172", "mfecane_1176", "mfecane_1225", "mfecane_1229"),
+        *("mfecane_1172", "mfecane_1176", "mfecane_1225"),
         *("san_giuseppe_bridge", "venice_dawn_pmndrs"),
     ),
     "parking": ("learner_park",),
