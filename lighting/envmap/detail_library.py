@@ -79,7 +79,6 @@ _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
 _MIN_SAMPLES = 8  # sampled pixels of the photo by which a cell counts as visible
 _COLORFUL = 0.12  # spread of a photo's colors, in logarithms, from which the library's are shown in full
 _COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
-_CONTRAST = {20.0: 0.84, 0.0: 0.78}  # power of the library's detail at elevations [deg], linear between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -469,17 +468,15 @@ def _kernel(rows: int, height: int) -> Pictures.Resampling:
 
 
 class LibraryDetail:
-    """A panorama of the library over what is coarse in it, to the power _CONTRAST."""
+    """A panorama of the library over what is coarse in it."""
 
     def __init__(self, source: DetailSource, height: int) -> None:
         self.height, blocks = height, column_blocks(height)
         self._picture = _detail_picture(source.choice, height, source.saturation)
         self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
         reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
-        self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
-        contrast = _contrast(DETAIL_ROWS)
-        coarse = _coarse_colors(reduced, self._log_offset)
-        self._gains = np.exp(-coarse * contrast[:, None, None])
+        coarse = _coarse_colors(reduced)
+        self._gains = np.exp(-coarse)
         self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
         """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
 
@@ -493,37 +490,21 @@ class LibraryDetail:
             detail: (H, C, 3), with whole rows one behind the other; what is written.
             columns: of a map of as many rows.
         """
-        self._raise_to_contrast(self._pixels(columns), detail)
+        (SRGB_LINEAR + LOG_OFFSET).take(self._pixels(columns), out=detail, mode="clip")  # which needs no copy
         multiply_cells(detail, self._gains, columns)
 
-    def _raise_to_contrast(self, picture: NDArray[np.uint8], raised: Image) -> Image:
-        """Some columns (h, C, 3) of a panorama of h rows to the power _CONTRAST, written to others of its size."""
-        contrast, first = _contrast(len(picture)), 0
-        for last in [*(np.flatnonzero(np.diff(contrast)) + 1), len(picture)]:  # rows of one contrast
-            table = np.exp(self._log_offset * contrast[first]).astype(np.float32)
-            raised[first:last] = table.take(picture[first:last])
-            first = last
-        return raised
 
-
-def _coarse_colors(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
+def _coarse_colors(picture: NDArray[np.uint8]) -> Image:
     """What is coarse in a picture (H, 2H, 3): logarithms (R, 2R, 3), as bright as its mean logarithm.
 
     Their color is that of the mean light. So what is bright in the picture, as the sky between leaves, gets the color
     of the map, and what is dark keeps its own.
     """
-    brightness = blur_cells(shrink_envmap(log_offset.take(picture), DETAIL_ROWS), _COARSE_DEG)
+    brightness = blur_cells(shrink_envmap(np.log(SRGB_LINEAR + LOG_OFFSET).take(picture), DETAIL_ROWS), _COARSE_DEG)
     linear = shrink_envmap(SRGB_LINEAR.take(picture), DETAIL_ROWS)
     color = np.log(blur_cells(linear, _COARSE_DEG) + LOG_OFFSET)
     color += brightness.mean(axis=2, keepdims=True) - color.mean(axis=2, keepdims=True)
     return np.asarray(color, dtype=np.float32)
-
-
-def _contrast(height: int) -> Image:
-    """_CONTRAST of the rows (H,) of a map, in steps of a hundredth."""
-    below, above = min(_CONTRAST), max(_CONTRAST)
-    contrast = np.interp(latlong_angles(height)[1], [below, above], [_CONTRAST[below], _CONTRAST[above]])
-    return np.asarray(np.round(contrast, 2), dtype=np.float32)
 
 
 def _reduce(pixels: NDArray[np.uint8], height: int, columns: slice) -> NDArray[np.uint8]:
