@@ -453,6 +453,11 @@ class TestTools:
         assert [len(line.split(",")) for line in lines.split(";")] == [4, 4]
         assert "the lines that you drew" in evidence
 
+    def test_the_sun_is_dragged_on_the_map(self, seen: Seen) -> None:
+        before, dragged, undone = seen["map"]
+        assert dragged == pytest.approx([90, 45], abs=1)
+        assert before == undone
+
 
 class TestDay:
     @pytest.fixture

@@ -55,7 +55,23 @@ export async function visit(browser, url, seen, { street }) {
     new URL(page.requests.findLast((address) => address.includes("v1/lighting"))).searchParams.get("vertical"),
     await page.textContent("#evidence"),
   ];
+  await dragOnMap(page, seen);
   await page.context().close();
+}
+
+/** The sun dragged on the environment map, and one undo of that. */
+async function dragOnMap(page, seen) {
+  await page.locator("#latlong").scrollIntoViewIfNeeded();
+  const { x, y, width, height } = await page.locator("#latlong").boundingBox();
+  const sun = async () => [Number(await page.inputValue("#sun_azimuth")), Number(await page.inputValue("#sun_elevation"))];
+  seen.map = [await sun()];
+  await page.mouse.move(x + 0.3 * width, y + 0.4 * height);
+  await page.mouse.down();
+  await page.mouse.move(x + 0.75 * width, y + 0.25 * height, { steps: 3 });
+  await page.mouse.up();
+  seen.map.push(await sun());
+  await page.click("#undo");
+  seen.map.push(await sun());
 }
 
 const direction = (page) => page.textContent("output[for=sun_azimuth]");

@@ -45,7 +45,7 @@ import { Dome } from "./views/dome";
 import { Downloads, hideSnippet, offerForOne } from "./views/downloads";
 import { EnvmapView } from "./views/envmap";
 import { listenForLocation } from "./views/location";
-import { drawMapMarkers, drawPhotoMarkers, SunHandle } from "./views/markers";
+import { drawMapMarkers, drawPhotoMarkers, listenForMapSun, SunHandle } from "./views/markers";
 import { MetadataView, showNumbers } from "./views/metadata";
 import { ObjectView } from "./views/object";
 import { Sliders } from "./views/sliders";
@@ -113,6 +113,7 @@ listenForUploads({
 openLink();
 addEventListener("hashchange", openLink);
 listenForLocation();
+listenForMapSun(currentSun, (sun) => moveSun(sun, "sun on the map"));
 listenForUndo(undoables);
 listenForKey();
 watchViewer();
@@ -343,6 +344,13 @@ function showSliders(view: PhotoView): void {
 function editLight(part: Partial<LightParameters>, kind: string): void {
   const view = currentView();
   if (view) editState({ parameters: { ...currentState(view).parameters, ...part } }, kind);
+}
+
+function currentSun(): Angles | undefined {
+  const view = currentView();
+  if (!view) return undefined;
+  const { sun_azimuth: azimuth, sun_elevation: elevation } = currentState(view).parameters;
+  return { azimuth, elevation };
 }
 
 function moveSun({ azimuth, elevation }: Angles, kind: string): void {

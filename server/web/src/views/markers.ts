@@ -95,6 +95,42 @@ const STEP = 1; // degrees of a key; with Shift five of them
 const ACROSS = 180; // degrees of azimuth that the width of the picture drags a sun outside of it
 const DOWN = 90; // degrees of elevation, so by the height
 
+const GRIP = 28; // px around the sun on the map, from which a finger drags it
+
+/** The sun goes where a mouse points on the map, or where a finger drags it to. */
+export function listenForMapSun(sun: () => Angles | undefined, onMove: (sun: Angles) => void): void {
+  const map = byId("latlong");
+  let dragging = false;
+  const isAtSun = ({ clientX, clientY }: PointerEvent | Touch): boolean => {
+    const at = sun();
+    if (!at) return false;
+    const { left, top, width, height } = map.getBoundingClientRect();
+    const [x, y] = toMap(direction(at.azimuth, at.elevation));
+    return Math.hypot(left + (x * width) / 2 - clientX, top + y * height - clientY) <= GRIP;
+  };
+  const follow = ({ clientX, clientY }: PointerEvent): void => {
+    const { left, top, width, height } = map.getBoundingClientRect();
+    const azimuth = wrapAzimuth(360 * ((clientX - left) / width - 0.5));
+    onMove({ azimuth, elevation: clamp(180 * (0.5 - (clientY - top) / height), ...ELEVATIONS) });
+  };
+  map.addEventListener(
+    "touchstart",
+    (event) => {
+      if (event.touches[0] && isAtSun(event.touches[0])) event.preventDefault(); // which would scroll
+    },
+    { passive: false },
+  );
+  map.addEventListener("pointerdown", (event) => {
+    dragging = event.button === 0 && (event.pointerType === "mouse" || isAtSun(event));
+    if (!dragging) return;
+    map.setPointerCapture(event.pointerId);
+    follow(event);
+  });
+  map.addEventListener("pointermove", (event) => {
+    if (dragging && event.buttons) follow(event);
+  });
+}
+
 /** Where a drag began. */
 interface Drag {
   x: number;
