@@ -28,6 +28,7 @@ export async function visit(browser, url, seen, { street, photo, folder }) {
   await page.waitForFunction(() => document.getElementById("sun_azimuth").value === "-180");
   seen.azimuths.push(await azimuth());
   await relit(page, () => page.setInputFiles("#file", photo));
+  await page.waitForFunction(() => /railway/.test(document.getElementById("photo").alt)); // the light before may come late
   seen.refused = [await refused(page, () => page.setInputFiles("#project-file", `${folder}/street.project.json`))];
   await relit(page, () => page.setInputFiles("#file", street));
   await page.waitForFunction(() => document.getElementById("sun_azimuth").value === "-180");
