@@ -22,7 +22,6 @@ _MARKED = re.compile(r"(<!--metrics:(\w+)-->\n?).*?(\n?<!--/metrics-->)", re.DOT
 _PROTOCOLS = {"paper": "ordinary view", "phone": "as phones take them"}
 _SCORED = re.compile(r"with a sun to score \((\d+) panoramas of (\d+) places\)")  # in the title of a protocol
 _SCENES = re.compile(r": (\d+) scenes")  # in the caption of a table
-_SEEN = re.compile(r"crops of (\d+) outdoor panoramas")  # in what a network's file says of its training
 _EARLIER = re.compile(r"outdoor \d+\.\d+\.\d+")  # networks of this project
 _WIDTH = 120  # columns of a paragraph
 _EVIDENCE = {  # rows of the table: where the report has them
@@ -127,7 +126,6 @@ def _texts(metrics: NetworkMetrics) -> dict[str, str]:
         "line": f"{_accuracy_line(metrics)} ({date}).",
         "scope": f"The network was scored {scope}{suns} (`python -m export evaluate`, {date}).",
         "scored": suns,
-        "seen": _seen_sentence(metrics),
         "table": _accuracy_table(metrics, others=False),
         "photos": " ".join(filter(None, _photo_sentences(metrics))),
         "low_suns": f"{low} {inside}".strip(),
@@ -151,12 +149,6 @@ def _accuracy_line(metrics: NetworkMetrics) -> str:
     if not (isinstance(direct, float) and isinstance(everywhere, float)):
         return crops
     return f"{crops}. On ordinary photos in sun it is {direct:.0f}°, on all {everywhere:.0f}°"
-
-
-def _seen_sentence(metrics: NetworkMetrics) -> str:
-    """How many panoramas the network itself learned from, where its file says so; earlier networks saw others."""
-    seen = sorted({int(count) for count in _SEEN.findall(str(metrics.network.get("training", "")))})
-    return f"This version saw {' or '.join(map(str, seen))} of them. " if seen else ""
 
 
 def _accuracy_table(metrics: NetworkMetrics, *, others: bool) -> str:
