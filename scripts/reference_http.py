@@ -12,7 +12,11 @@ from server.settings import Settings
 _SERVICE = "http://127.0.0.1:8000"
 _SUFFIXES = {"image/x-exr": ".exr", "image/png": ".png", "image/jpeg": ".jpg", "application/zip": ".zip"}
 _JOB = "4d1c0a6f5e2b7398"  # an id as a job has one
-_PREDEFINED = {"date": "2026-12-21", "for": "usd", "kind": "video", "x": "0.5", "y": "0.8"}  # what examples ask for
+_PREDEFINED = {  # what examples ask for
+    "date": "2026-12-21", "latitude": "48.2", "longitude": "16.4", "heading": "120",
+    "for": "usd", "kind": "video", "x": "0.5", "y": "0.8",
+}  # fmt: skip
+_OF_PHOTO = {"/v1/day": ("latitude", "longitude", "heading")}  # what a route needs that most photos do not hold
 _BASIC = ("400", "403", "421", "422", "431")  # problems that every route below /v1 may answer
 
 
@@ -124,7 +128,7 @@ def _example(name: str, route: Json) -> str:
         file = "photo.jpg" if field == PHOTO_FIELD else "clip.mp4"
         several = fields["properties"][field].get("type") == "array"
         words += [f"-F {field}=@{file}", *([f"-F {field}=@other.jpg"] if several else [])]
-        words += [f"-F {name}={_PREDEFINED[name]}" for name in needed]
+        words += [f"-F {name}={_PREDEFINED[name]}" for name in (*needed, *_OF_PHOTO.get(path, ()))]
     query = "&".join(_query(route)) if not content else ""
     address = f"{_SERVICE}{path.replace('{id}', _JOB)}"
     words.append(f"'{address}?{query}'" if query else address)
