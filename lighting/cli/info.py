@@ -204,7 +204,7 @@ class _Finding:
 @click.option("-q", "--quiet", is_flag=True, help="Only what is broken and needed.")
 @click.pass_context
 def _doctor(ctx: click.Context, /, as_json: bool, quiet: bool) -> None:
-    """Say what works here: data, network, scenes, page, extras, Blender.
+    """Say what works here: network, scenes, page, extras, Blender.
 
     The exit status is 1 where something is missing or damaged that every photo needs.
     """
