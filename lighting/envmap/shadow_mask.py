@@ -70,21 +70,23 @@ def ground_shadow_mask(
     References:
         [1] Otsu, A Threshold Selection Method from Gray-Level Histograms, IEEE SMC 1979.
     """
-    check_lighting(lighting)
-    small = _shrink_photo(check_pixels(photo))
-    height, width = small.shape[:2]
-    found = _find_ground(small, lighting, sun, segments)
-    if found is None:
-        return np.ones((height, width), dtype=np.float32)
-    lit = np.ones(found.shown.shape, dtype=np.float32)
-    lit[found.shown] = _sunlit_share(found, _white_level(lighting), lighting.sun_visibility)
-    return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
+    return read_ground_shade(photo, lighting, sun=sun, segments=segments).lit
 
 
-def shaded_light(
+@dataclass(frozen=True, eq=False)
+class GroundShade:
+    """Sunlight and shade on the ground of a photo."""
+
+    lit: NDArray[np.float32]
+    """(H, W) as `ground_shadow_mask` returns it."""
+    shaded_light: float | None
+    """How bright shaded ground is beside lit ground, 0 to 1; None where the photo does not show both."""
+
+
+def read_ground_shade(
     photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None, segments: Segments | None = None
-) -> float | None:
-    """How bright a photo's shaded ground is beside its lit ground, 0 to 1; None where it does not show both.
+) -> GroundShade:
+    """Where the ground of a photo is in the sun, and how dark its shade is.
 
     Args:
         photo: as that of `ground_shadow_mask`.
@@ -92,8 +94,16 @@ def shaded_light(
         sun: likewise.
         segments: likewise.
     """
-    found = _find_ground(_shrink_photo(photo), lighting, sun, segments)
-    return None if found is None or found.classes is None else float(2 ** (found.classes[0] - found.classes[1]))
+    check_lighting(lighting)
+    small = _shrink_photo(check_pixels(photo))
+    height, width = small.shape[:2]
+    found = _find_ground(small, lighting, sun, segments)
+    if found is None:
+        return GroundShade(np.ones((height, width), dtype=np.float32), None)
+    lit = np.ones(found.shown.shape, dtype=np.float32)
+    lit[found.shown] = _sunlit_share(found, _white_level(lighting), lighting.sun_visibility)
+    mask = np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
+    return GroundShade(mask, None if found.classes is None else float(2 ** (found.classes[0] - found.classes[1])))
 
 
 @dataclass(frozen=True, eq=False)

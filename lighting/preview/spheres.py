@@ -24,7 +24,7 @@ import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR, luminance, srgb_bytes
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shaded_light, shadow_receivers
+from lighting.envmap.shadow_mask import is_in_shade, read_ground_shade, shadow_receivers
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, dot_product, ray_sphere, sample_latlong
 from lighting.ground import object_radius
 from lighting.records import Lighting
@@ -485,13 +485,12 @@ def insert_balls(
     centers, radius = _ball_centers(camera, np.array(lighting.spot_direction), lighting.camera_height)
     moved = replace(scene, centers=centers.astype(np.float32))
     linear = SRGB_LINEAR[np.asarray(picture)]
-    pixels = np.asarray(picture)
-    lit = ground_shadow_mask(pixels, lighting, sun=photo_sun, segments=segments)
+    shade = read_ground_shade(np.asarray(picture), lighting, sun=photo_sun, segments=segments)
+    lit, own = shade.lit, shade.shaded_light
     in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
     standing = _dim_sun(moved, 0.0) if in_shade else moved
     points, near = _coarse_ground_points(camera, moved)
     exchanging = replace(moved, exchange=standing.exchange)
-    own = shaded_light(pixels, lighting, sun=photo_sun, segments=segments)
     exchanging = exchanging if own is None else _shade_as(exchanging, own)
     lit = np.zeros_like(lit) if in_shade else lit  # as the ground at their feet
     left = _remaining_light(lit, camera, exchanging, points, near, casts_shadow=not in_shade)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.color import luminance, tone_map
-from lighting.envmap.shadow_mask import _mean_sunlit, dappled_sunlight, ground_shadow_mask, shaded_light
+from lighting.envmap.shadow_mask import _mean_sunlit, dappled_sunlight, ground_shadow_mask, read_ground_shade
 from lighting.geometry import Pinhole
 from lighting.records import Lighting
 from tests.helpers.predictions import (
@@ -85,13 +85,13 @@ def test_a_difference_that_the_light_does_not_make_is_the_grounds_own() -> None:
 def test_grass_beside_sand_is_no_shade() -> None:
     sand, grass = (np.array(color) * SUNLIT_GROUND / GROUND_ALBEDO for color in ([0.4, 0.34, 0.27], [0.06, 0.09, 0.03]))
     assert ground_shadow_mask(photo(sand, grass), LIGHT).min() == 1.0
-    assert shaded_light(photo(sand, grass), LIGHT) is None
+    assert read_ground_shade(photo(sand, grass), LIGHT).shaded_light is None
 
 
 def test_shade_says_how_dark_it_is() -> None:
-    assert shaded_light(photo(SUNLIT_GROUND, SUNLIT_GROUND), LIGHT) is None
+    assert read_ground_shade(photo(SUNLIT_GROUND, SUNLIT_GROUND), LIGHT).shaded_light is None
     level = float(luminance(SHADED_GROUND) / luminance(SUNLIT_GROUND))
-    assert shaded_light(photo(SUNLIT_GROUND, SHADED_GROUND), LIGHT) == pytest.approx(level, rel=0.1)
+    assert read_ground_shade(photo(SUNLIT_GROUND, SHADED_GROUND), LIGHT).shaded_light == pytest.approx(level, rel=0.1)
 
 
 def test_masks_of_recorded_photos_stay() -> None:
