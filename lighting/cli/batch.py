@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
@@ -118,7 +118,7 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
     from lighting.batch.results import JOURNAL, TABLE
 
     results = Path(chosen.out, TABLE if chosen.engine == "ray" else JOURNAL)
-    console.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json, err=True)
+    outputs.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json, err=True)
     ctx.exit(1 if summary.failed else _status(chosen, results))
 
 
@@ -129,7 +129,7 @@ def _choose_out(source: str, out: str | None, output: str | None) -> str:
     stated = out if output is None else output
     if stated is None and ("://" in source or not Path(source).is_dir()):
         raise click.UsageError("Say where the results go: lighting batch INPUT OUT.")
-    return console.choose_folder(str(Path(source)), stated, "-lighting")
+    return outputs.choose_folder(str(Path(source)), stated, "-lighting")
 
 
 def _describe_results(name: str) -> str | None:

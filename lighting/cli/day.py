@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.options import usage_errors
@@ -79,11 +80,11 @@ def _day(
     from lighting.errors import SceneError
     from lighting.sun_study import STAGE_FOLDER, plan_study, write_sun_study
 
-    folder = console.choose_folder(photo, output, f"-{day}")
+    folder = outputs.choose_folder(photo, output, f"-{day}")
     if objection := output_folder_error(Path(folder), overwrite=overwrite, what="the study"):
         raise SceneError(objection)
     scene = (str(Path(folder, STAGE_FOLDER, name)) for name in EXPORTERS["usd"].files)
-    if photo != "-" and any(console.is_same_file(name, photo) for name in scene):
+    if photo != "-" and any(outputs.is_same_file(name, photo) for name in scene):
         raise click.UsageError("The scene would replace the photo; choose another folder.")
     estimate = estimate_file(photo, replace(user_input, keep_location=True), model)
     keep = user_input.keep_location
@@ -101,4 +102,4 @@ def _day(
     first, last = study.hours[0].time, study.hours[-1].time
     if not quiet:
         click.echo(f"{len(study.hours)} maps from {first:%H:%M} to {last:%H:%M} {first:%Z}.")
-    console.report_written([folder], lambda _: f"usdview {shlex.quote(str(stage))}", quiet=quiet)
+    outputs.report_written([folder], lambda _: f"usdview {shlex.quote(str(stage))}", quiet=quiet)

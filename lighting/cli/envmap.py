@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.options import PhotoOptions, usage_errors
@@ -30,15 +31,15 @@ if TYPE_CHECKING:
     lighting envmap *.jpg -o maps/ --height 1024        # a map of each photo
     """,
 )
-@common.file_output(console.MAPS, several=True)
+@common.file_output(outputs.MAPS, several=True)
 @common.file_options("compression", "colors")
 @common.photo_options()
 @click.option("--preview", metavar="FILE.png", callback=common.check_file_name, help="Also draw the preview.")
 @click.pass_context
 def _envmap(ctx: click.Context, /, chosen: PhotoOptions, file: FileOptions, preview: str | None) -> None:
     """Render the environment map of each PHOTO."""
-    names = console.choose_files(chosen.photos, chosen.output, console.MAPS, overwrite=chosen.overwrite)
-    console.check_json(chosen.as_json, (*names, preview))
+    names = outputs.choose_files(chosen.photos, chosen.output, outputs.MAPS, overwrite=chosen.overwrite)
+    outputs.check_json(chosen.as_json, (*names, preview))
     if preview is not None:
         _check_preview(chosen, names, preview)
     files = [_file_of(file, name) for name in names]
@@ -61,9 +62,9 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str) -> 
     """Raise an error where the preview is not a file of its own."""
     if len(chosen.photos) > 1:
         raise click.UsageError("--preview is of one photo; `lighting preview` draws those of several.")
-    console.check_file(preview, console.PREVIEWS.suffixes, "'--preview'")
-    console.check_apart(chosen.photos, (*names, preview))
-    console.check_absent([preview], overwrite=chosen.overwrite)
+    outputs.check_file(preview, outputs.PREVIEWS.suffixes, "'--preview'")
+    outputs.check_apart(chosen.photos, (*names, preview))
+    outputs.check_absent([preview], overwrite=chosen.overwrite)
 
 
 @cli.command(
@@ -74,7 +75,7 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str) -> 
     lighting preview *.jpg -o previews/                 # one of each photo
     """,
 )
-@common.file_output(console.PREVIEWS, several=True)
+@common.file_output(outputs.PREVIEWS, several=True)
 @click.option("--candidates", is_flag=True, help="Draw the suns that --pick chooses from, side by side.")
 @common.photo_options("sun", "sky", "around", "backdrop", "adjustments")
 @click.pass_context
@@ -85,8 +86,8 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> N
     stated = chosen.view.adjustments
     if candidates and (stated.sun is not None or stated.pick is not None or stated.overcast):
         raise click.UsageError("--candidates draws the suns to choose from; leave out --sun, --pick and --overcast.")
-    names = console.choose_files(chosen.photos, chosen.output, console.PREVIEWS, overwrite=chosen.overwrite)
-    console.check_json(chosen.as_json, names)
+    names = outputs.choose_files(chosen.photos, chosen.output, outputs.PREVIEWS, overwrite=chosen.overwrite)
+    outputs.check_json(chosen.as_json, names)
 
     def work(number: int, name: str, estimate: "Estimate") -> list[str]:
         output = names[number]
@@ -108,7 +109,7 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> N
     """,
 )
 @click.argument("record", metavar="LIGHTING.json", type=common.FileName())
-@common.file_output(console.MAPS)
+@common.file_output(outputs.MAPS)
 @click.option(
     "--photo",
     metavar="PHOTO",
@@ -142,10 +143,10 @@ def _render(
     if sources.count("-") > 1:
         raise click.UsageError("The record and the photo cannot both be stdin.")
     stored = console.read_lighting(record) if output is None else None  # whose error says more than one of the output
-    (name,) = console.choose_files([record], output, console.MAPS, overwrite=overwrite)
-    console.check_apart(sources, [name])
+    (name,) = outputs.choose_files([record], output, outputs.MAPS, overwrite=overwrite)
+    outputs.check_apart(sources, [name])
     file = _file_of(file, name)
-    console.check_json(as_json, [name])
+    outputs.check_json(as_json, [name])
     if photo is None:
         _refuse_place(view, user_input, model)
     from lighting.envmap.relighting import adjust_lighting
@@ -163,7 +164,7 @@ def _render(
     console.print_estimate(record, light, (), {"output": name}, probe=probe, as_json=as_json, quiet=quiet)
     if photo is None and view.around != Around.PLAIN and not quiet:
         click.echo("Sky only: the place needs the photo (--photo PHOTO).", err=True)
-    console.report_written([name], quiet=quiet or as_json)
+    outputs.report_written([name], quiet=quiet or as_json)
 
 
 def _refuse_place(view: MapOptions, user_input: "UserInput", model: str | None) -> None:
@@ -223,7 +224,7 @@ def _light_probe(
     from lighting.light_probe import encode_light_probe
 
     output = None if output == "-" else output
-    console.check_records([source], output, overwrite=overwrite)
+    outputs.check_records([source], output, overwrite=overwrite)
     if source.lower().endswith((".json", ".jsonl")):
         probe = _probe_of_record(source, view, user_input, model)
     else:
@@ -234,7 +235,7 @@ def _light_probe(
     if output is None:
         click.echo(text)
     else:
-        console.write_records(output, [text], quiet=quiet)
+        outputs.write_records(output, [text], quiet=quiet)
 
 
 def _probe_of_record(source: str, view: MapOptions, user_input: "UserInput", model: str | None) -> "LightProbe":
@@ -261,7 +262,7 @@ def _make_parent(name: str) -> None:
 def _write_map(output: str, rendered: "RenderedMap", file: FileOptions) -> None:
     """Write a map to a file, or to stdout for "-"."""
     if output == "-":
-        console.write_bytes(output, rendered.encode(file))
+        outputs.write_bytes(output, rendered.encode(file))
     else:
         rendered.write(output, file)
 
@@ -273,7 +274,7 @@ def _write_preview(output: str, estimate: "Estimate", view: MapOptions, *, candi
     from lighting.files.deflate import encode_png
 
     picture = estimate.preview_candidates(view) if candidates else estimate.preview(view)
-    console.write_bytes(output, encode_png(np.asarray(picture)))
+    outputs.write_bytes(output, encode_png(np.asarray(picture)))
 
 
 def _import_renderer() -> None:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import lighting.cli.outputs as outputs
 import lighting.errors as errors
 from lighting.cli import cli, console
 from lighting.cli import options as common
@@ -119,13 +120,13 @@ def _estimate(
     Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
     stop the others; the exit status is 1 then.
     """
-    console.check_stdin(photos)
-    console.check_not_written(photos, output, console.RECORD_SUFFIXES)
+    outputs.check_stdin(photos)
+    outputs.check_not_written(photos, output, outputs.RECORD_SUFFIXES)
     _check_together(len(photos), user_input, **taken_together)
     _warn_unregistered(quiet, **taken_together)
     if output == "-":
         output, as_json = None, True
-    console.check_records(photos, output, overwrite=overwrite)
+    outputs.check_records(photos, output, overwrite=overwrite)
     lights, lines = list["Lighting"](), list[str]()
     failed, answers_of = 0, _answers(model, photos, user_input, **taken_together)
     with console.photo_progress(photos, quiet) as progress:
@@ -147,7 +148,7 @@ def _estimate(
     if failed and len(photos) > 1:
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
     if output is not None and lights:
-        console.write_records(output, lines, quiet=quiet or as_json)
+        outputs.write_records(output, lines, quiet=quiet or as_json)
     ctx.exit(1 if failed else lights_status(lights, strict, require))
 
 

@@ -27,7 +27,6 @@ from lighting.cli.console import (
     escape_control_chars,
     format_error,
     parse_lighting,
-    path_of,
     prefix_errors,
     read_lighting,
     read_picture_bytes,
@@ -114,7 +113,7 @@ def _read_photo(data: bytes, file: str) -> "Photo":
     from lighting.photo.reader import read_photo
 
     try:
-        return read_photo(data, path=path_of(file))
+        return read_photo(data, path=None if file == "-" else file)
     except PhotoError as error:
         if data and error.code is ErrorCode.UNREADABLE and _is_of_no_kind(data):
             sentence = "This is no photo, EXR, Radiance HDR, network (.onnx) or record (.json), which info describes."

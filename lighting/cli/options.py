@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 
-from lighting.cli.console import MAPS, OutputKind, print_estimate
+from lighting.cli.console import print_estimate
+from lighting.cli.outputs import MAPS, OutputKind
 from lighting.errors import EnvironmentMapError, LightingError, ParameterError
 from lighting.fields import option_name
 from lighting.files import FileOptions, is_address

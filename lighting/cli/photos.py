@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from lighting.cli.options import PhotoOptions
 from lighting.errors import LightingError
 from lighting.start import StartedNetwork, exit_on_interrupt
@@ -27,7 +28,7 @@ def process_photos(
     ctx: click.Context,
     chosen: PhotoOptions,
     work: Callable[[int, str, "Estimate"], list[str]],
-    how_to_open: Callable[[str], str | None] = console.open_command,
+    how_to_open: Callable[[str], str | None] = outputs.open_command,
     meanwhile: Callable[[], object] = lambda: None,
 ) -> None:
     """Estimate the light of each photo, work on it, say what was written, and end the command with its status.
@@ -62,7 +63,7 @@ def process_photos(
             lights.append(answer.lighting)
     if failed:
         click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
-    console.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
+    outputs.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
     ctx.exit(1 if failed else lights_status(lights, chosen.strict, chosen.require))
 
 

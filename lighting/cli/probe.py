@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from lighting.cli import OLD_OPTIONS, Command, cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
@@ -115,7 +115,7 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet:
 
     as_json, overwrite = options.pop("as_json"), options.pop("overwrite")
     ending = "-probes" if series else "-probe.exr"
-    output = console.choose_folder(str(exposures[0]), output, ending)
+    output = outputs.choose_folder(str(exposures[0]), output, ending)
     _check_output(output, series)
     _check_lens(options)
     common.check_coordinates(options["latitude"], options["longitude"])
@@ -132,7 +132,7 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet:
         path = write_probe(probe, output)
         _report(probe, path, as_json, quiet)
         written.append(str(path))
-    console.report_written(written, quiet=quiet or as_json)
+    outputs.report_written(written, quiet=quiet or as_json)
 
 
 def _check_output(output: str, series: bool) -> None:
@@ -180,7 +180,7 @@ def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"],
         raise click.UsageError("The input and the outputs must be different files.")
     if len(set(targets)) < len(targets):
         raise click.UsageError("Two brackets are of the same second, so their probes would be one file.")
-    console.check_absent(list(map(str, targets)), overwrite=overwrite)
+    outputs.check_absent(list(map(str, targets)), overwrite=overwrite)
 
 
 def _files(exposures: Sequence[Path]) -> list[Path]:

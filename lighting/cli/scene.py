@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from lighting.cli import Command, cli
 from lighting.cli import options as common
 from lighting.cli.options import PhotoOptions
@@ -96,7 +97,7 @@ def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str |
         shown = estimate.replace(lighting=stored) if stored else estimate
         scene = shown.make_scene(chosen.view)
         if is_file:
-            console.write_bytes(folders[number], encode_scene_file(scene, tool, **stated))
+            outputs.write_bytes(folders[number], encode_scene_file(scene, tool, **stated))
         else:
             write_scene(scene, tool, folders[number], overwrite=chosen.overwrite, **stated)
         chosen.print_estimate(name, shown, scene.warnings, {"output": folders[number]})
@@ -104,8 +105,8 @@ def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str |
 
     def how_to_open(name: str) -> str | None:
         if stated.get("blend"):
-            return console.open_command(str(Path(name, "scene.blend")))
-        return console.open_command(name) if is_file else EXPORTERS[tool].opening_command(name)
+            return outputs.open_command(str(Path(name, "scene.blend")))
+        return outputs.open_command(name) if is_file else EXPORTERS[tool].opening_command(name)
 
     process_photos(ctx, chosen, work, how_to_open)
 
@@ -123,9 +124,9 @@ def _choose_file(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
     assert output is not None
     if len(chosen.photos) > 1:
         raise click.UsageError("Several photos need a folder: -o FOLDER/.")
-    console.check_file(output, (Path(EXPORTERS[options.tool].files[0]).suffix,))
-    console.check_apart([name for name in (*chosen.photos, options.record, chosen.model) if name], [output])
-    console.check_absent([output], overwrite=chosen.overwrite)
+    outputs.check_file(output, (Path(EXPORTERS[options.tool].files[0]).suffix,))
+    outputs.check_apart([name for name in (*chosen.photos, options.record, chosen.model) if name], [output])
+    outputs.check_absent([output], overwrite=chosen.overwrite)
     return [output]
 
 
@@ -134,12 +135,12 @@ def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
     from lighting.scene.writer import check_scene_folder
 
     if len(chosen.photos) > 1 and chosen.output is not None:
-        console.check_parent(chosen.output)
+        outputs.check_parent(chosen.output)
         folders = [str(Path(chosen.output, "stdin" if name == "-" else Path(name).stem)) for name in chosen.photos]
         Path(chosen.output).mkdir(exist_ok=True)
     else:
-        folders = [console.choose_folder(name, chosen.output, f"-{options.tool}") for name in chosen.photos]
-    console.check_apart((), folders)
+        folders = [outputs.choose_folder(name, chosen.output, f"-{options.tool}") for name in chosen.photos]
+    outputs.check_apart((), folders)
     for folder, photo in zip(folders, chosen.photos, strict=True):
         if chosen.output is not None or Path(photo).exists():  # else the photo's error says more
             check_scene_folder(Path(folder), overwrite=chosen.overwrite)
@@ -150,7 +151,7 @@ def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
 
 def _check(chosen: PhotoOptions, options: _SceneOptions) -> None:
     """Raise UsageError for an option that would do nothing, or stdin read twice."""
-    console.check_stdin([*chosen.photos, *([options.record] if options.record else [])])
+    outputs.check_stdin([*chosen.photos, *([options.record] if options.record else [])])
     for name, tool in unsupported_options(options.of_tool, options.tool).items():
         raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
     if options.record and len(chosen.photos) > 1:
@@ -161,5 +162,5 @@ def _check_inputs(folder: str, chosen: PhotoOptions, options: _SceneOptions) -> 
     """Raise UsageError where a file of the scene would replace one that is read."""
     sources = filter(None, (*chosen.photos, options.record, chosen.model))
     for source, name in product(sources, EXPORTERS[options.tool].files):
-        if console.is_same_file(str(Path(folder, name)), source):
+        if outputs.is_same_file(str(Path(folder, name)), source):
             raise click.UsageError(f"The scene would replace {console.escape_path(source)}; choose another folder.")

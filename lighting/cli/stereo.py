@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.console import escape_path, write_bytes
+from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
+from lighting.cli.outputs import write_bytes
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import escape_undecodable, output_folder_error
 from lighting.start import silence_libraries
@@ -100,11 +101,11 @@ def _plan(
     from lighting.stereo.planner import plan_photos, plan_record
     from lighting.stereo.schedule import PlanRequest
 
-    console.check_json(as_json, [output])
+    outputs.check_json(as_json, [output])
     overwrite = options.pop("overwrite")
     if output is not None:
-        console.check_file(output, console.PREVIEWS.suffixes)
-        console.check_absent([output], overwrite=overwrite)
+        outputs.check_file(output, outputs.PREVIEWS.suffixes)
+        outputs.check_absent([output], overwrite=overwrite)
     common.check_coordinates(options["latitude"], options["longitude"])
     with usage_errors():
         skies, question = _skies(**options), PlanRequest(facing, shots, noise)
@@ -116,7 +117,7 @@ def _plan(
         click.echo(json.dumps(plan_record(skies, plan), indent=2, allow_nan=False))
     elif output != "-" and not (quiet and output):
         click.echo(_format_plan(skies, plan))
-    console.report_written([output] if output else [], quiet=quiet or as_json)
+    outputs.report_written([output] if output else [], quiet=quiet or as_json)
 
 
 def _skies(
@@ -231,7 +232,7 @@ def _normals(
     from lighting.stereo.output import estimate_normals, write_normals
 
     common.check_coordinates(options["latitude"], options["longitude"])
-    folder = Path(console.choose_folder(str(day), output, "-normals"))
+    folder = Path(outputs.choose_folder(str(day), output, "-normals"))
     if folder.resolve() == day.resolve():
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
     if objection := output_folder_error(folder, overwrite=overwrite):
@@ -248,12 +249,12 @@ def _normals(
         click.echo(json.dumps(record))
     elif not quiet:
         click.echo(_format_normals(day, folder, result))
-    console.report_written([str(folder)], _describe_normals, quiet=quiet or as_json)
+    outputs.report_written([str(folder)], _describe_normals, quiet=quiet or as_json)
 
 
 def _describe_normals(folder: str) -> str | None:
     """How to open the best of what a folder holds."""
-    return console.open_command(str(Path(folder, "normals_camera.png")))
+    return outputs.open_command(str(Path(folder, "normals_camera.png")))
 
 
 def _normals_options(sky: str | None, noise: float | None, size: int | None, **options: Any) -> "NormalsOptions":  # noqa: ARG001

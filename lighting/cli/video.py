@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
@@ -98,11 +99,11 @@ def _video(
     if clip.lower().endswith(PHOTO_SUFFIXES):
         raise click.UsageError(f"{escape_path(clip)} is a photo: try `lighting envmap {shlex.quote(clip)}`.")
     every, curve, overwrite = options.pop("every"), options.pop("curve"), options.pop("overwrite")
-    folder = Path(console.choose_folder(clip, output, "-lighting"))
+    folder = Path(outputs.choose_folder(clip, output, "-lighting"))
     job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options), curve)
     if objection := output_folder_error(job.folder, overwrite=overwrite):
         raise VideoError(objection)
-    console.check_apart([clip], [str(job.folder / results.FILM_FILE)] if job.options.film else [])
+    outputs.check_apart([clip], [str(job.folder / results.FILM_FILE)] if job.options.film else [])
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:
@@ -116,17 +117,17 @@ def _video(
         click.echo(json.dumps(_result_record(clip, folder, result), allow_nan=False))
     _report(clip, result, quiet=quiet or as_json)
     if result.lights:
-        console.report_written([str(folder)], lambda name: _how_to_open(name, options), quiet=quiet or as_json)
+        outputs.report_written([str(folder)], lambda name: _how_to_open(name, options), quiet=quiet or as_json)
     ctx.exit(1 if result.failed else lights_status(result.lights, strict, None))
 
 
 def _how_to_open(folder: str, options: "Json") -> str | None:
     """How to open the best of what a folder holds."""
     if options["film"]:
-        return console.open_command(str(Path(folder, "preview.mp4")))
+        return outputs.open_command(str(Path(folder, "preview.mp4")))
     if options["tool"]:
         return EXPORTERS[options["tool"]].opening_command(str(Path(folder, f"shot-1-{options['tool']}")))
-    return f"{shlex.quote(str(Path(folder, 'shot-1.exr')))} {console.open_command('shot-1.exr')}"
+    return f"{shlex.quote(str(Path(folder, 'shot-1.exr')))} {outputs.open_command('shot-1.exr')}"
 
 
 def _result_record(clip: str, folder: Path, result: "VideoResult") -> "Json":

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image, ImageOps
 from pyarrow.parquet import read_table
 
-from lighting.cli.console import open_command
+from lighting.cli.outputs import open_command
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr
 from lighting.records import Lighting, record_with_coefficients, unwrap_record

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import lighting.cli.console as console
+import lighting.cli.outputs as outputs
 from tests.helpers.processes import error_of, invoke_command
 
 USAGE = (
@@ -118,5 +118,5 @@ def test_a_program_that_opens_files_is_named_only_where_it_is(
     monkeypatch.setattr("sys.platform", "linux")
     for found, hint in (("/usr/bin/xdg-open", " Open it: xdg-open a.png"), (None, "")):
         monkeypatch.setattr("shutil.which", lambda _, found=found: found)
-        console.report_written(["a.png"])
+        outputs.report_written(["a.png"])
         assert capsys.readouterr().out == f"Wrote a.png.{hint}\n"
