@@ -12,6 +12,8 @@ from lighting.scene import EXPORTERS
 from tests.conftest import encode, scene
 from tests.helpers.processes import error_of, invoke_command
 
+SMALL = ("--height", "16")
+
 
 @pytest.mark.parametrize(("name", "magic"), [("a.exr", b"v/1\x01"), ("a.HDR", b"#?RADIANCE"), ("a.png", b"\x89PNG")])
 def test_envmap_writes_by_suffix(network: Path, photo_path: Path, tmp_path: Path, name: str, magic: bytes) -> None:
