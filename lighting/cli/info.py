@@ -123,8 +123,8 @@ def _read_photo(data: bytes, file: str) -> "Photo":
 
 def _is_of_no_kind(data: bytes) -> bool:
     """Whether nothing more is known of a file that cannot be read than that it may be a text."""
-    from lighting.photo.containers import is_raw
     from lighting.photo.formats import UNREADABLE, kind_name, unreadable_sentence
+    from lighting.photo.tiff import is_raw
 
     return not is_raw(data) and (unreadable_sentence(data) == UNREADABLE or kind_name(data) == "a text")
 

@@ -38,7 +38,7 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import Pinhole, angles
 from lighting.ground import describe_ground
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.pixels import is_blank, is_false_color, is_panorama
+from lighting.photo.picture_checks import is_blank, is_false_color, is_panorama
 from lighting.photo.reader import Photo
 from lighting.records import (
     MIN_SUITABLE,

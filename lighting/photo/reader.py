@@ -23,13 +23,15 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
 
 import lighting.photo.containers as containers
+import lighting.photo.tiff as tiff
 from lighting.color import check_pixels
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError, warn_of_old_name
 from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import Layout, find_layout
+from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.metadata import PhotoMetadata, read_metadata
-from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, read_color_encoding, upright_pixels
+from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, upright_pixels
 from lighting.photo.tags import read_sidecar, read_tags
 from lighting.records import CodedWarning, WarningCode
 
@@ -217,12 +219,12 @@ def read_photo(
     data = read_bytes(source, max_bytes)
     try:
         with _WARNING_FILTERS, warnings.catch_warnings(action="ignore"):
-            raw = containers.is_raw(data)
-            page = containers.preview_page(data) if raw else containers.photo_page(data)
-            picture = page.as_first(data) if page else containers.embedded_preview(data) if raw else data
+            raw = tiff.is_raw(data)
+            page = tiff.preview_page(data) if raw else tiff.photo_page(data)
+            picture = page.as_first(data) if page else tiff.embedded_preview(data) if raw else data
             image = _open_photo(picture, max_pixels)
             embedded = raw or (page is not None and not page.has_exif)
-            exif_source = containers.open_exif_source(data, image) if embedded else image
+            exif_source = tiff.open_exif_source(data, image) if embedded else image
         width, height = image.size
         side = target or max(image.size)
         _decode_image(image, side)
@@ -239,7 +241,7 @@ def read_photo(
     except MemoryError as error:
         raise PhotoTooLargeError("The photo needs more memory than its limit.") from error
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
-    photo = _without_border(Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format)))
+    photo = _without_border(Photo(pixels, width, height, tiff.RAW_FORMAT if raw else str(image.format)))
     metadata = read_metadata(tags, photo.width, photo.height, sidecar, is_inside=photo.crop is not None)
     return replace(photo, metadata=metadata, source=PhotoOrigin(file or data, changed, max_bytes, max_pixels))
 
@@ -394,7 +396,8 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
         data: of a photo, no RAW file.
         max_pixels: as in `read_photo`.
     """
-    data = containers.check_structure(data)
+    containers.check_structure(data)
+    data = tiff.without_costly_exif(data)
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     with containers.decoder_calls():

@@ -25,7 +25,7 @@ from typing import Any
 
 from PIL import ExifTags, Image, ImageFile
 
-from lighting.photo.containers import TIFF_STARTS, is_moderate
+from lighting.photo.tiff import TIFF_STARTS, is_moderate
 
 Tags = Mapping[int, Any]
 # What reading a value raises where its tag is absent, damaged or impossible.

@@ -41,7 +41,7 @@ from lighting.fusion.single_view import (
 )
 from lighting.geometry import Floats, direction
 from lighting.model import Model
-from lighting.photo.pixels import is_blank
+from lighting.photo.picture_checks import is_blank
 from lighting.photo.reader import Photo
 from lighting.records import EvidenceKind, Light, Prediction
 from lighting.registration.features import Matches, import_opencv, resize_to

@@ -13,9 +13,9 @@ from PIL import ExifTags, Image, ImageOps
 from lighting.color import srgb_decode
 from lighting.errors import PhotoError
 from lighting.photo import linear
-from lighting.photo.containers import open_raw_header
 from lighting.photo.linear import linear_from_array, read_linear, read_metadata_and_exposure
 from lighting.photo.reader import read_photo
+from lighting.photo.tiff import open_raw_header
 from lighting.stereo.capture import _check_same_exposure, _read_day_photo
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import grey_tiff, plain_dng, png, taken, tiff, tiff_with_exif_behind_thumbnail

@@ -1,0 +1,129 @@
+"""Pictures that are no photo of one view: without contrast, panoramas, and thermal cameras' colors.
+
+A frame without contrast is far from all that the network learnt, and crops of panoramas are what it learnt from. A
+panorama is closed at its sides, and its first row shows one direction."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lighting.geometry import Floats
+from lighting.photo.pixels import Pixels
+
+_MIN_CONTRAST = 40.0  # gray levels, of 255, between the darkest and the brightest hundredth; photos in fog have more
+_SAMPLED_SIDE = 320  # rows or columns of the longer side that are sampled
+_PALETTE_SIDE = 112  # the same for a palette
+_PALETTE_PARTS = 48  # of a palette, in which its colors are one
+_MIN_PALETTE_SPREAD = 25.0  # levels, standard deviation of the colors
+_PALETTE_CELL = 0.17  # spreads, side of the cells whose chain is a palette's line
+_MIN_CELL_SHARE = 0.97  # of the colors, in the fullest cells
+_MAX_PALETTE_RESIDUALS = (  # spreads, and shares of them by which colors are off in all; of 576 photos none has less
+    (70.0, 100.0),
+    (0.115, 0.3),
+)
+_ASPECT_TOLERANCE = 0.03  # share by which it may differ from twice as wide as high
+_MAX_SEAM_SHARE = 0.6  # of the difference between distant columns, for the first and the last one
+_MAX_SEAM_STEPS = 3.0  # times as much as neighbouring columns differ, which count as at least
+_MIN_COLUMN_STEP = 2.0  # gray levels
+_MAX_POLE_STD = 15.0  # gray levels, along the first row
+
+
+def is_blank(pixels: Pixels) -> bool:
+    """Whether a photo has next to no contrast: a black, blank or blown-out frame.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+    """
+    step = -(-max(pixels.shape[:2]) // _SAMPLED_SIDE)
+    red, green, blue = np.moveaxis(pixels[::step, ::step], 2, 0)
+    cumulative = np.bincount((np.add(red, green, dtype=np.uint16) + blue).ravel()).cumsum()  # by red + green + blue
+    edge = cumulative[-1] // 100
+    darkest, brightest = np.searchsorted(cumulative, (edge, cumulative[-1] - 1 - edge), side="right")
+    return bool(brightest - darkest < 3 * _MIN_CONTRAST)
+
+
+def is_panorama(pixels: Pixels) -> bool:
+    """Whether a picture shows all directions: twice as wide as high, closed at the sides, one color on top.
+
+    It finds 90 % of the panoramas that the network was trained on; of other photos cut to that shape, 0.1 %.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+    """
+    height, width = pixels.shape[:2]
+    if abs(width / (2 * height) - 1) > _ASPECT_TOLERANCE or width < 8:
+        return False
+    step = max(1, width // _SAMPLED_SIDE // 2)
+    rows = pixels[::step].astype(np.float64)
+    distant = _difference(rows, (0, 0, 0), (width // 4, width // 2, width - width // 4))
+    seam, neighbour = _difference(rows, (0,), (-1,)), _difference(rows, (0, -1), (1, -2))
+    closed = seam < _MAX_SEAM_SHARE * distant and seam < _MAX_SEAM_STEPS * max(neighbour, _MIN_COLUMN_STEP)
+    return closed and float(pixels[0].std(axis=0).mean()) < _MAX_POLE_STD
+
+
+def _difference(rows: Floats, first: Sequence[int], second: Sequence[int]) -> float:
+    """The mean difference between columns of pixels (h, w, 3)."""
+    return float(np.abs(rows[:, list(first)] - rows[:, list(second)]).mean())
+
+
+def is_false_color(pixels: Pixels) -> bool:
+    """Whether all colors lie on one line of a palette, as thermal cameras show temperatures.
+
+    Along hue, or along brightness, the colors of each part of a palette are one; and all lie near the longest path
+    through their minimum spanning tree. Colors of photos spread less, and branch off.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+    """
+    step = -(-max(pixels.shape[:2]) // _PALETTE_SIDE)
+    height, width = (side // step for side in pixels.shape[:2])
+    if height * width < 4 * _PALETTE_PARTS:
+        return False
+    rows = pixels[: height * step, : width * step].reshape(height, step, -1).sum(axis=1, dtype=np.uint32)
+    columns = rows.reshape(height, width, step, 3)
+    blocks = sum((columns[:, :, i] for i in range(1, step)), columns[:, :, 0]) / step**2  # along a short axis
+    red, green, blue = np.moveaxis(blocks.reshape(-1, 3), 1, 0)
+    gray, colors = 0.3 * red + 0.6 * green + 0.1 * blue, np.stack([red - green, 0.5 * (red + green) - blue], axis=1)
+    spread = float(np.hypot(*colors.std(axis=0)))
+    if spread < _MIN_PALETTE_SPREAD:
+        return False
+    hue = np.arctan2(colors[:, 1], colors[:, 0])
+    values, limit = np.column_stack([gray, colors]), spread * float(np.interp(spread, *_MAX_PALETTE_RESIDUALS))
+    residual = min(_palette_residual(position, values) for position in (hue, gray))
+    return residual < limit and residual + _path_residual(values, _PALETTE_CELL * spread) < limit
+
+
+def _palette_residual(position: Floats, colors: Floats) -> float:
+    """How far colors (N, 3), in parts by their position (N,) on a palette, lie from the middle one of their part."""
+    size = len(position) // _PALETTE_PARTS
+    parts = colors[np.argsort(position)[: size * _PALETTE_PARTS]].reshape(_PALETTE_PARTS, size, 3)
+    return float(_middle(np.linalg.norm(parts - _middle(parts)[:, None], axis=2)).mean())
+
+
+def _path_residual(colors: Floats, cell: float) -> float:
+    """How far colors (N, 3), in cells [levels], lie from the longest path of their minimum spanning tree: the mean."""
+    cells, counts = np.unique(np.floor(colors / cell), axis=0, return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    kept = order[: int(np.searchsorted(np.cumsum(counts[order]), _MIN_CELL_SHARE * len(colors))) + 1]
+    cells, counts = cell * cells[kept], counts[kept]
+    distances = np.sqrt(np.square(cells[:, None] - cells).sum(axis=2))
+    nearest, parents = distances[0].copy(), np.zeros(len(cells), dtype=np.intp)
+    is_free = np.arange(len(cells)) > 0
+    to_all = np.zeros_like(distances)  # along the tree, by Prim's algorithm
+    tree = [0]
+    while is_free.any():
+        new = int(np.where(is_free, nearest, np.inf).argmin())
+        to_all[new, tree] = to_all[tree, new] = to_all[parents[new], tree] + distances[new, parents[new]]
+        tree.append(new)
+        is_free[new] = False
+        closer = is_free & (distances[new] < nearest)
+        nearest[closer], parents[closer] = distances[new, closer], new
+    first, last = np.unravel_index(int(to_all.argmax()), to_all.shape)
+    on_path = to_all[first] + to_all[last] <= to_all[first, last] + 1e-6
+    return float(np.average(distances[:, on_path].min(axis=1), weights=counts))
+
+
+def _middle(values: Floats) -> Floats:
+    """The median along axis 1, for which NumPy's own function would import masked arrays."""
+    ordered, size = np.sort(values, axis=1), values.shape[1]
+    return np.asarray((ordered[:, (size - 1) // 2] + ordered[:, size // 2]) / 2)
