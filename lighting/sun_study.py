@@ -19,7 +19,7 @@ from lighting.envmap.relighting import edit_lighting
 from lighting.errors import ErrorCode, ParameterError, SceneError
 from lighting.fields import describe_fields
 from lighting.files import DEFAULT_FILE, atomic_write, encode_envmap, output_folder_error
-from lighting.fusion.instants import offset_at
+from lighting.fusion.time_zones import offset_at
 from lighting.geometry import wrap_azimuth
 from lighting.map_options import DEFAULT_MAP, MapOptions
 from lighting.photo_estimate import Estimate

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from export.crops.crops import crop_rng
 from export.evaluation import metrics
 from lighting.calibration import MAX_LENS_RATIO
-from lighting.fusion.instants import is_at_sea, offset_at
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import (
     MAX_TILT_DISAGREEMENT,
@@ -26,6 +25,7 @@ from lighting.fusion.single_view import (
     Posterior,
     fuse_single_view,
 )
+from lighting.fusion.time_zones import is_at_sea, offset_at
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.photo.camera import TILT_STD

@@ -11,8 +11,9 @@ import numpy as np
 
 from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
 from lighting.files import MAP_FORMATS
-from lighting.fusion.instants import PhotoInstants, offset_in_file, resolve_instants, resolve_together
+from lighting.fusion.instants import PhotoInstants, resolve_instants, resolve_together
 from lighting.fusion.metadata_prior import merge_user_input, share_location
+from lighting.fusion.time_zones import offset_in_file
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.linear import (
     RAW_SUFFIXES,

@@ -16,9 +16,10 @@ from PIL import ExifTags, Image
 
 from lighting.errors import PhotoError
 from lighting.fusion.estimate import build_estimate
-from lighting.fusion.instants import resolve_hemisphere, resolve_instants
+from lighting.fusion.instants import resolve_instants
 from lighting.fusion.metadata_prior import observations_single
 from lighting.fusion.single_view import fuse
+from lighting.fusion.time_zones import resolve_hemisphere
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import to_utc
 from lighting.photo.metadata import PhotoMetadata

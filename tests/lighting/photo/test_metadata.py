@@ -14,7 +14,7 @@ from PIL import ExifTags, Image
 from PIL.PngImagePlugin import PngInfo
 from PIL.TiffImagePlugin import IFDRational
 
-from lighting.fusion.instants import resolve_hemisphere
+from lighting.fusion.time_zones import resolve_hemisphere
 from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata, _read_heading, _read_locations, read_metadata
 from lighting.photo.reader import read_photo
