@@ -1,7 +1,7 @@
 """The recipe of CONTRIBUTING.md for a route, carried out: one function, one model of its parameters.
 
 The recipes for a sky model and a scene tool are carried out by tests/test_registries.py, the one for a metadata rule by
-tests/lighting/fusion/test_instants.py, the one for an augmentation by tests/export/crops/test_augmentation.py.
+tests/lighting/fusion/test_time_zones.py, the one for an augmentation by tests/export/crops/test_augmentation.py.
 """
 
 from collections.abc import Iterator
