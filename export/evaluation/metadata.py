@@ -15,16 +15,9 @@ from numpy.typing import NDArray
 from export.crops.crops import crop_rng
 from export.evaluation import metrics
 from lighting.calibration import MAX_LENS_RATIO
+from lighting.fusion.consistency import MIN_ELEVATION_P_VALUE, MIN_HEADING_P_VALUE
 from lighting.fusion.metadata_prior import observations_from_metadata
-from lighting.fusion.single_view import (
-    MAX_TILT_DISAGREEMENT,
-    MIN_ELEVATION_P_VALUE,
-    MIN_HEADING_P_VALUE,
-    Gravity,
-    Observations,
-    Posterior,
-    fuse_single_view,
-)
+from lighting.fusion.single_view import MAX_TILT_DISAGREEMENT, Gravity, Observations, Posterior, fuse_single_view
 from lighting.fusion.time_zones import is_at_sea, offset_at
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, wrap_azimuth

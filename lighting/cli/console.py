@@ -15,14 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, TextIO
 
 import click
 
-from lighting.errors import (
-    EnvironmentMapError,
-    ErrorCode,
-    ParameterError,
-    PhotoError,
-    ProbeError,
-    describe_error,
-)
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
 from lighting.files import CLIP_SUFFIXES, escape_undecodable
 
 if TYPE_CHECKING:

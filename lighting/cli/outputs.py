@@ -14,12 +14,7 @@ from pathlib import Path
 
 import click
 
-from lighting.cli.console import (
-    check_photo_file,
-    check_there,
-    escape_control_chars,
-    escape_path,
-)
+from lighting.cli.console import check_photo_file, check_there, escape_control_chars, escape_path
 from lighting.files import MAP_FILE_SUFFIXES, MAP_FORMATS, atomic_write, join_words
 
 RECORD_SUFFIXES = (".json", ".jsonl")

@@ -33,9 +33,10 @@ from lighting.fusion.drawn_camera import Reference, height_by_reference
 from lighting.fusion.instants import Instant
 from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_single
 from lighting.fusion.shadows import move_mark
-from lighting.fusion.single_view import Observations, Posterior, fuse_single_view, reproject_sun, visible_sun
+from lighting.fusion.single_view import Observations, Posterior, fuse_single_view
 from lighting.fusion.time_zones import resolve_hemisphere
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.fusion.visible_sun import reproject_sun, visible_sun
 from lighting.geometry import Pinhole, angles
 from lighting.ground import describe_ground
 from lighting.photo.metadata import PhotoMetadata

@@ -4,45 +4,34 @@ Time and place give the sun's elevation and compass azimuth, and only the camera
 distribution is read along the ring of that elevation, once for each whole degree of heading, and multiplied with the
 compass's prior. Where the time zone is unknown, each candidate sun has a ring.
 
-The network's distribution is in directions, by the camera that the network estimates. Where the picture shows the sun,
-the evidence is a pixel: another field of view, elevation or roll moves its direction, and the ephemeris tells how the
-camera is tilted. A sun outside the picture is inferred from shadows and shading, and stays where it is.
-
 Two measurements of one quantity are weighted by their variances (Kalman's gain), unless they are too far apart for
 chance.
-
-A contradiction is a p-value of what the metadata says under the network's own distribution. The network is not
-perfectly calibrated. So the thresholds are those that one true record in a hundred passes on unseen panoramas.
-`python -m export evaluate --with-metadata` prints how often each fires on true and on false records.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
-from lighting.calibration import MAX_LENS_RATIO, lens_ratio
-from lighting.color import luminance
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import RANGES, format_azimuth, format_tilt
+from lighting.fields import format_azimuth, format_tilt
+from lighting.fusion.consistency import consistency_warnings
 from lighting.fusion.drawn_camera import DrawnCamera, fit_camera
 from lighting.fusion.shadows import OwnShadow, ShadowMark, fuse_shadows, implied_azimuth
-from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
+from lighting.fusion.visible_sun import reproject_sun, tilt_by_sun, visible_sun
+from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode
 from lighting.sun_grid import (
     HEADINGS,
     Heading,
-    bayes_direction,
-    blur_headings,
     credible_radii,
     grid_directions,
     heading_from_probability,
     smooth_density,
-    soft_label,
     splat_to_grid,
     von_mises,
 )
@@ -58,22 +47,8 @@ _MAX_LEARNED_ELEVATION = 35.0  # deg up and down: the network learned from no st
 
 _MIN_CHOSEN_SHARE = 0.5  # of the probability, from which on the answer is that of one candidate alone
 
-_SUN_PIXEL_STD = 2.0  # deg, of the visible sun's pixel: the network predicts its cell, 16 of 224 pixels
-_MIN_VISIBLE_SHARE = 0.6  # of the probability near the answer from which the picture counts as showing the sun
-_NEAR_ANGLE = 12.0  # deg from the answer
-_REPROJECTED_ANGLE = 25.0  # deg from the answer within which the probability moves with the pixels
-_MAX_ASPECT_RATIO = 16 / 9  # of a picture; the prediction does not tell the photo's own
-_SAME_CAMERA = 0.02  # share by which two focal lengths, and rad by which two axes, may differ and count as one
-_GLARE_ANGLE = 3.0  # deg from its pixel within which a visible sun makes the picture white
-_WHITE_LEVEL = 245  # of 255, coded luminance
-_MIN_WHITE_SHARE = 0.03  # of the pixels within the glare; 97 % of the crops that show the sun have more
-_MAX_SUN_DIFFERENCE = (15.0, 12.0)  # deg of azimuth and elevation up to which ephemeris and picture show one sun
 
 _MAX_SHADOW_DIFFERENCE = 90.0  # deg of azimuth from the pixels' sun; 8 of 8 marks that differed more were wrong
-
-MIN_ELEVATION_P_VALUE = 0.004  # by the pixels, under which the elevation of time and place is contradicted
-MIN_HEADING_P_VALUE = 0.008  # the same of a compass heading
-_CELL_SCALE = 2.2  # deg, of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
 
 
 @dataclass(frozen=True)
@@ -179,7 +154,10 @@ def fuse_single_view(
     posterior = fuse_with_gravity(replace(leveled, prediction=reprojected))
     drawn = leveled.observations.camera is not None
     tilt_std = _DRAWN_STD if drawn else camera_elevation_std(leveled.observations.gravity)
-    return _tilt_to_ephemeris(posterior, reprojected, tilt_std)
+    if posterior.camera_heading is None:  # no ephemeris
+        return posterior
+    tilt = tilt_by_sun(reprojected, posterior.sun, posterior.prediction.camera_elevation, tilt_std)
+    return replace(posterior, prediction=replace(posterior.prediction, camera_elevation=tilt))
 
 
 def fuse(prediction: Prediction, observations: Observations) -> Posterior:
@@ -210,7 +188,7 @@ def fuse_with_gravity(leveled: _GravityFused) -> Posterior:
     likelihood = likelihood_by_heading(prediction, candidates)
     compass = None if observations.heading is None else (observations.heading, observations.heading_std)
     lens, subject = observations.vertical_fov, observations.subject
-    contradictions = tuple(_consistency_warnings(prediction, candidates, likelihood, compass, lens, subject))
+    contradictions = tuple(consistency_warnings(prediction, candidates, likelihood, compass, lens, subject))
     if len(candidates):
         weight = likelihood * compass_prior(observations) * candidate_weights(observations)[:, None]
         posterior = posterior_on_rings(prediction, observations, weight)
@@ -469,164 +447,3 @@ def _used_evidence(prediction: Prediction, observations: Observations) -> tuple[
         EvidenceKind.CAMERA_EXPOSURE: prediction.light is not None and observations.exposure_value is not None,
     }
     return tuple(kind for kind, used in is_used.items() if used)
-
-
-# A sun that the picture shows: it stays on its pixel when more is known of the camera.
-
-
-def visible_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None) -> Floats | None:
-    """Unit vector (3,) towards the sun by the pixels alone if the picture shows it, else None.
-
-    Args:
-        prediction: of the network.
-        pixels: (h, w, 3) sRGB. A photo that is not white there does not show the sun. None: as white.
-    """
-    if prediction.sun_visibility < 0.5:
-        return None
-    sun = prediction.sun_direction
-    right, up, forward = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll) @ sun
-    edge = forward * math.tan(math.radians(prediction.vertical_fov) / 2)
-    if abs(up) > edge or abs(right) > _MAX_ASPECT_RATIO * edge:
-        return None
-    near = grid_directions(prediction.spec.sun_grid) @ sun >= math.cos(math.radians(_NEAR_ANGLE))
-    if float(prediction.sun_probability @ near) < _MIN_VISIBLE_SHARE:
-        return None
-    return sun if pixels is None or _has_glare(pixels, prediction, sun) else None
-
-
-def _has_glare(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -> bool:
-    """Whether the picture is white about the pixel of the sun (3,) by the network's own camera."""
-    height, width = pixels.shape[:2]
-    camera = Pinhole(width, height, prediction.vertical_fov, 0.0, prediction.camera_elevation, prediction.camera_roll)
-    x, y = geometry.camera_pixel(sun, camera)
-    reach = camera.focal_length * math.tan(math.radians(_GLARE_ANGLE))
-    rows, columns = (slice(max(0, int(at - reach)), max(0, int(at + reach) + 1)) for at in (y, x))
-    window = pixels[rows, columns]
-    return window.size > 0 and float(np.mean(luminance(window) >= _WHITE_LEVEL)) >= _MIN_WHITE_SHARE
-
-
-def reproject_sun(prediction: Prediction, camera: Prediction, sun: Floats) -> NDArray[np.float32]:
-    """Move the probability near a visible sun to where its pixels look by another camera.
-
-    Args:
-        prediction: of the network, in directions by its own camera.
-        camera: the same with the elevation, roll and field of view that are better known.
-        sun: (3,) unit vector towards the visible sun by the network's camera.
-
-    Returns:
-        Probabilities (N,) of the network's cells.
-    """
-    ratio = math.tan(math.radians(camera.vertical_fov) / 2) / math.tan(math.radians(prediction.vertical_fov) / 2)
-    axes_before, axes_after = (camera_axes(0.0, p.camera_elevation, p.camera_roll) for p in (prediction, camera))
-    if abs(math.log(ratio)) < _SAME_CAMERA and float(np.abs(axes_before - axes_after).max()) < _SAME_CAMERA:
-        return prediction.sun_probability
-    cells = grid_directions(prediction.spec.sun_grid)
-    right, up, forward = (cells @ axes_before.T).T
-    near = (cells @ sun >= math.cos(math.radians(_REPROJECTED_ANGLE))) & (forward > 0)
-    rays = np.stack([ratio * right, ratio * up, forward], axis=-1)[near] @ axes_after
-    rays[:, 1] = np.maximum(rays[:, 1], 0.0)  # no sun is below the horizon
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    p = np.asarray(prediction.sun_probability, dtype=np.float64)
-    moved = np.where(near, 0.0, p) + splat_to_grid(p[near], rays, prediction.spec.sun_grid)
-    return np.asarray(moved, dtype=np.float32)
-
-
-def _tilt_to_ephemeris(posterior: Posterior, prediction: Prediction, tilt_std: float) -> Posterior:
-    """The posterior with the camera tilted so that the visible sun has the elevation of time and place.
-
-    The tilt, known to `tilt_std` [deg], and the pixel's are weighted by their variances (Kalman's gain). The sun is
-    compared with the mean of a lobe at the known sun: the horizon cuts half of a low one off, so it seems higher.
-    """
-    if posterior.camera_heading is None:
-        return posterior
-    grid = prediction.spec.sun_grid
-    visible = prediction.sun_direction
-    ephemeris = direction(posterior.sun.azimuth, posterior.sun.elevation)
-    lobe = soft_label(ephemeris, _lobe_std(prediction, visible) ** -2, grid)
-    (azimuth, elevation), (true_azimuth, true_elevation) = (angles(s) for s in (visible, bayes_direction(lobe, grid)))
-    lateral, vertical = float(wrap_azimuth(true_azimuth - azimuth)), float(true_elevation - elevation)
-    if abs(lateral) > _MAX_SUN_DIFFERENCE[0] or abs(vertical) > _MAX_SUN_DIFFERENCE[1]:
-        return posterior
-    slope = float(np.cos(np.radians(azimuth)))  # deg of the sun's elevation for each deg of tilt
-    gain = slope * tilt_std**2 / (slope**2 * tilt_std**2 + _SUN_PIXEL_STD**2)
-    tilt = float(np.clip(posterior.prediction.camera_elevation + gain * vertical, *RANGES["camera_elevation"]))
-    return replace(posterior, prediction=replace(posterior.prediction, camera_elevation=tilt))
-
-
-def _lobe_std(prediction: Prediction, sun: Floats) -> float:
-    """How wide [rad] the probability of the visible sun (3,) is to its sides, where no horizon cuts it off."""
-    probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
-    near = cells @ sun >= math.cos(math.radians(_NEAR_ANGLE))
-    lateral = cells[near] @ direction(float(angles(sun)[0]) + 90.0, 0.0)
-    return max(math.sqrt(float(np.average(lateral**2, weights=probability[near]))), math.radians(_SUN_PIXEL_STD))
-
-
-# Whether pixels and metadata contradict each other more than chance explains.
-
-
-def _consistency_warnings(
-    prediction: Prediction,
-    candidates: Floats,
-    likelihood: Floats,
-    compass: tuple[float, float] | None,
-    vertical_fov: float | None,
-    subject: str = "photo",
-) -> Iterator[CodedWarning]:
-    """One sentence for each observation that the pixels almost exclude.
-
-    Args:
-        prediction: of the network.
-        candidates: (K, 2) elevation and compass azimuth [deg] of suns above the horizon; K may be 0.
-        likelihood: (K, 360) density of the pixels at each candidate, for each of HEADINGS.
-        compass: a heading and its standard deviation [deg]; None without a compass.
-        vertical_fov: deg, by what is known of the lens; None where nothing is.
-        subject: what the sentences call the pixels' source.
-    """
-    if len(candidates) and _elevation_p_value(prediction, candidates[:, 0]) < MIN_ELEVATION_P_VALUE:
-        yield CodedWarning(
-            f"The {subject} contradicts the sun's elevation by time and place, {_format_range(candidates[:, 0])}: "
-            "check both.",
-            WarningCode.ELEVATION_CONTRADICTED,
-        )
-    if len(candidates) and compass is not None and _heading_p_value(likelihood, *compass) < MIN_HEADING_P_VALUE:
-        sentence = f"The {subject} contradicts the heading of {compass[0]:.0f}°: check the compass."
-        yield CodedWarning(sentence, WarningCode.HEADING_CONTRADICTED)
-    if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > MAX_LENS_RATIO:
-        wider = vertical_fov > prediction.vertical_fov  # which a crop makes it
-        cause = "it may be cropped" if wider else "check the focal length"
-        yield CodedWarning(
-            f"The lens sees {vertical_fov:.0f}° vertically, the {subject} "
-            f"shows {prediction.vertical_fov:.0f}°: {cause}.",
-            WarningCode.LENS_CONTRADICTED,
-        )
-
-
-def _elevation_p_value(prediction: Prediction, elevation: Floats) -> float:
-    """Two-sided p-value (0 to 1) of the likeliest of elevations (K,) [deg] under the pixels' distribution.
-
-    A sun on the horizon stands for those of twilight: it is as likely as that the sun is there or below.
-    """
-    cells = angles(grid_directions(prediction.spec.sun_grid))[1]
-    below = _logistic(elevation[:, None] - cells) - _logistic(-elevation[:, None] - cells)  # cells end at the horizon
-    probability = np.asarray(prediction.sun_probability, dtype=np.float64)
-    lower = np.maximum(below @ probability, _logistic(-cells) @ probability)
-    return float(np.max(2.0 * np.minimum(lower, 1.0 - lower)))
-
-
-def _logistic(angle: Floats) -> Floats:
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(angle / _CELL_SCALE, -50.0, 50.0))))
-
-
-def _heading_p_value(likelihood: Floats, heading: float, heading_std: float) -> float:
-    """Probability (0 to 1) of headings at most as likely as this one, by the pixels' density (K, 360) over HEADINGS."""
-    total = likelihood.sum(axis=0)
-    expected = blur_headings(total / total.sum(), heading_std)
-    at_heading = np.interp(heading % 360.0, [*HEADINGS, 360.0], [*expected, expected[0]])
-    return float(expected[expected <= at_heading].sum())
-
-
-def _format_range(elevation: Floats) -> str:
-    low, high = elevation.min(), elevation.max()
-    if high == 0.0:  # suns of twilight, which are put on the horizon
-        return "at most 0°"
-    return f"{low:.0f}°" if high - low < 1.0 else f"{low:.0f} to {high:.0f}°"

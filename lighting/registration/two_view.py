@@ -26,12 +26,7 @@ from numpy.typing import NDArray
 
 from lighting.geometry import Floats
 from lighting.registration.features import Matches, import_opencv
-from lighting.registration.robust_fit import (
-    INLIER_TOLERANCE,
-    LeastSquaresResult,
-    least_squares,
-    ransac_rotation,
-)
+from lighting.registration.robust_fit import INLIER_TOLERANCE, LeastSquaresResult, least_squares, ransac_rotation
 from lighting.registration.rotations import (
     cross_matrix,
     focal_from_fov,

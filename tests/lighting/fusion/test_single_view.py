@@ -18,17 +18,12 @@ from lighting.fusion.single_view import (
     COMPASS_OUTLIER_RATE,
     Gravity,
     Observations,
-    _consistency_warnings,
     _contradiction,
-    _elevation_p_value,
     _fused_tilt,
-    _heading_p_value,
     camera_elevation_std,
     fuse,
     fuse_gravity,
     fuse_single_view,
-    likelihood_by_heading,
-    visible_sun,
 )
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Pinhole, angle_between, angles, camera_pixel, direction, wrap_azimuth
@@ -38,96 +33,6 @@ from lighting.sun_grid import HEADINGS, grid_directions, smooth_density, soft_la
 from tests.helpers.predictions import GRID, UNIFORM, are_equal, grid_prediction, lobe_prediction
 
 azimuths = st.floats(-180.0, 180.0)
-
-
-def test_the_tail_of_an_elevation_is_that_of_the_lobe() -> None:
-    predicted = lobe_prediction(0.0, 45.0, 80.0)  # 6.4 deg of standard deviation an axis, and 4 deg of smoothing
-    assert _elevation_p_value(predicted, np.array([45.0])) == pytest.approx(1.0, abs=0.1)
-    assert _elevation_p_value(predicted, np.array([45.0 + 7.6])) == pytest.approx(0.317, abs=0.06)
-    assert _elevation_p_value(predicted, np.array([5.0])) < 1e-3
-    assert _elevation_p_value(predicted, np.array([89.0])) < 1e-3
-
-
-def test_one_fitting_zone_is_enough() -> None:
-    predicted = lobe_prediction(0.0, 45.0, 80.0)
-    alone = _elevation_p_value(predicted, np.array([45.0]))
-    assert _elevation_p_value(predicted, np.array([2.0, 45.0, 88.0])) == pytest.approx(alone)
-
-
-def test_tails_of_suns_drawn_from_the_prediction_are_uniform() -> None:
-    random = np.random.default_rng(0)
-    predicted = lobe_prediction(30.0, 50.0, 15.0)
-    drawn = random.choice(len(UNIFORM), 400, p=predicted.sun_probability / predicted.sun_probability.sum())
-    elevation = np.degrees(np.arcsin(grid_directions(GRID)[drawn, 1]))
-    tails = np.array([_elevation_p_value(predicted, np.array([el])) for el in elevation])
-    for level in (0.1, 0.3, 0.5, 0.7, 0.9):
-        assert np.mean(tails < level) == pytest.approx(level, abs=0.09)
-
-
-def test_a_heading_where_the_pixels_see_it_is_no_surprise() -> None:
-    density = likelihood_by_heading(lobe_prediction(0.0, 40.0, 80.0), np.array([[40.0, 100.0]]))
-    assert _heading_p_value(density, 100.0, 10.0) > 0.9
-    assert _heading_p_value(density, 280.0, 10.0) < 1e-3
-    assert _heading_p_value(density, 280.0 + 360.0, 10.0) == pytest.approx(_heading_p_value(density, 280.0, 10.0))
-
-
-def test_a_flat_sky_contradicts_nothing() -> None:
-    evidence = Observations(((30.0, 120.0),), heading=77.0, vertical_fov=50.0)
-    assert fuse(grid_prediction(UNIFORM), evidence).warnings == ()
-
-
-def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
-    predicted = lobe_prediction(0.0, 60.0, 150.0)
-    suns = np.array([[5.0, 100.0]])
-    warnings = list(
-        _consistency_warnings(
-            predicted, suns, likelihood_by_heading(lobe_prediction(0.0, 5.0, 150.0), suns), (280.0, 10.0), 12.0
-        )
-    )
-    assert [w.split(" ")[0] for w in warnings] == ["The", "The", "The"]
-    assert "elevation by time and place, 5°" in warnings[0]
-    assert "heading of 280°" in warnings[1]
-    assert "12°" in warnings[2]
-    assert warnings[2].endswith("°: check the focal length.")
-
-
-def test_only_a_lens_that_sees_more_than_the_picture_makes_it_a_crop() -> None:
-    (warning,) = _consistency_warnings(
-        lobe_prediction(0.0, 60.0, 150.0), np.empty((0, 2)), np.empty((0, 360)), None, 120.0, "clip"
-    )
-    assert warning.endswith("°: it may be cropped.")
-    assert warning.code == "lens-contradicted"
-
-
-def test_each_contradiction_has_its_code() -> None:
-    predicted = lobe_prediction(0.0, 60.0, 150.0)
-    suns = np.array([[5.0, 100.0]])
-    found = _consistency_warnings(predicted, suns, likelihood_by_heading(predicted, suns), None, None)
-    assert [warning.code for warning in found] == ["elevation-contradicted"]
-    suns = np.array([[60.0, 100.0]])
-    found = _consistency_warnings(predicted, suns, likelihood_by_heading(predicted, suns), (280.0, 10.0), None)
-    assert [warning.code for warning in found] == ["heading-contradicted"]
-
-
-def test_a_sun_of_twilight_is_not_said_to_stand_on_the_horizon() -> None:
-    predicted = lobe_prediction(0.0, 60.0, 150.0)
-    suns = np.array([[0.0, 100.0]])
-    (warning,) = _consistency_warnings(predicted, suns, likelihood_by_heading(predicted, suns), None, None)
-    assert warning == "The photo contradicts the sun's elevation by time and place, at most 0°: check both."
-
-
-@pytest.mark.parametrize("seen", [0.0, 3.0, 8.0, 15.0])
-def test_a_sun_of_twilight_agrees_with_pixels_that_see_it_low(seen: float) -> None:
-    assert fuse(lobe_prediction(0.0, seen, 80.0), Observations(((0.0, 100.0),))).warnings == ()
-
-
-def test_what_smoothing_puts_below_the_horizon_counts_as_above_it() -> None:
-    assert _elevation_p_value(lobe_prediction(0.0, 0.0, 80.0), np.array([5.0])) == pytest.approx(0.98, abs=0.02)
-
-
-def test_several_zones_are_named_as_a_range() -> None:
-    predicted = lobe_prediction(0.0, 80.0, 150.0)
-    assert "3 to 12°" in fuse(predicted, Observations(((3.0, 80.0), (12.0, 95.0)))).warnings[0]
 
 
 def test_without_evidence_the_answer_is_that_of_the_pixels() -> None:
@@ -376,96 +281,3 @@ def test_photos_together_use_it_each() -> None:
     assert ["gravity" in a.used for a in answers] == [True, False, False]
     assert [round(a.prediction.camera_elevation, 1) for a in answers] == [-5.2, 4.0, 4.0]
     assert [len(a.warnings) for a in answers] == [0, 0, 1]
-
-
-AZIMUTH, ELEVATION = 20.0, 15.0
-SHARP = 300.0  # concentration of a lobe of 3.3 deg
-
-
-def seen(azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> Prediction:
-    """A photo with the sun in it, by a camera 2 deg up with a field of view of 50 deg."""
-    return lobe_prediction(azimuth, elevation, SHARP)
-
-
-def pixel(predicted: Prediction, sun: tuple[float, float], vertical_fov: float) -> np.ndarray:
-    camera = Pinhole(400, 300, vertical_fov, 0.0, predicted.camera_elevation, predicted.camera_roll)
-    return camera_pixel(direction(*sun), camera)
-
-
-def test_only_a_sharp_sun_inside_the_picture_is_seen() -> None:
-    assert visible_sun(seen()) is not None
-    assert visible_sun(lobe_prediction(AZIMUTH, ELEVATION, 20.0)) is None  # too wide
-    assert visible_sun(seen(elevation=45.0)) is None  # above the picture
-    assert visible_sun(seen(azimuth=170.0)) is None  # behind the camera
-    assert visible_sun(replace(seen(), sun_visibility=0.3)) is None
-
-
-@pytest.mark.parametrize("vertical_fov", [40.0, 65.0])
-def test_the_sun_keeps_its_pixel_through_another_lens(vertical_fov: float) -> None:
-    predicted = seen()
-    fused = fuse_single_view(predicted, Observations(vertical_fov=vertical_fov))
-    before = pixel(predicted, (AZIMUTH, ELEVATION), 50.0)
-    after = pixel(predicted, (fused.sun.azimuth, fused.sun.elevation), vertical_fov)
-    assert np.hypot(*(after - before)) < 10
-    assert fused.probability.sum() == pytest.approx(1.0, abs=1e-5)
-
-
-def test_the_camera_is_tilted_towards_the_elevation_of_time_and_place() -> None:
-    predicted = seen()
-    fused = fuse_single_view(predicted, Observations(((ELEVATION - 6.0, 200.0),)))
-    assert predicted.camera_elevation - 6.0 < fused.prediction.camera_elevation < predicted.camera_elevation - 4.0
-    higher = fuse_single_view(predicted, Observations(((ELEVATION + 6.0, 200.0),)))
-    assert higher.prediction.camera_elevation > predicted.camera_elevation + 4.0
-
-
-@pytest.mark.parametrize("elevation", [0.5, 2.0, 5.0, 9.0])
-def test_a_camera_that_is_right_stays_so_where_the_horizon_cuts_the_sun_s_probability(elevation: float) -> None:
-    predicted = seen(elevation=elevation)
-    fused = fuse_single_view(predicted, Observations(((elevation, 200.0),)))
-    assert fused.prediction.camera_elevation == pytest.approx(predicted.camera_elevation, abs=1.0)
-
-
-def test_the_mark_then_stands_near_the_seen_sun() -> None:
-    """Both together: the focal length and the ephemeris."""
-    predicted = seen()
-    fused = fuse_single_view(predicted, Observations(((12.0, 200.0),), vertical_fov=62.0))
-    before = pixel(predicted, (AZIMUTH, ELEVATION), 50.0)
-    after = pixel(fused.prediction, (fused.sun.azimuth, fused.sun.elevation), 62.0)
-    assert np.hypot(*(after - before)) < 12
-
-
-@pytest.mark.parametrize("elevation", [40.0, 60.0])
-def test_a_sun_of_another_place_does_not_tilt_the_camera(elevation: float) -> None:
-    predicted = seen()
-    assert (
-        fuse_single_view(predicted, Observations(((elevation, 200.0),))).prediction.camera_elevation
-        == predicted.camera_elevation
-    )
-
-
-def test_without_a_seen_sun_nothing_changes() -> None:
-    evidence = Observations(((30.0, 200.0),), vertical_fov=65.0)
-    for predicted in (
-        grid_prediction(UNIFORM),
-        lobe_prediction(AZIMUTH, ELEVATION, 20.0),
-        lobe_prediction(150.0, 30.0, SHARP),
-    ):
-        one, other = fuse_single_view(predicted, evidence), fuse(predicted, evidence)
-        assert are_equal(one.prediction, other.prediction)
-        assert one.sun == other.sun
-        assert angle_between(one.directions, other.directions).max() == 0
-
-
-def test_a_sun_whose_pixel_is_not_white_is_not_moved_by_the_lens() -> None:
-    """As where a thin cloud spreads it: the network then knows its direction by more than a pixel."""
-    predicted, evidence = seen(), Observations(vertical_fov=65.0)
-    grey = np.full((300, 400, 3), 120, np.uint8)
-    x, y = pixel(predicted, (AZIMUTH, ELEVATION), 50.0)
-    white = grey.copy()
-    white[int(y) - 5 : int(y) + 6, int(x) - 5 : int(x) + 6] = 255
-    assert fuse_single_view(predicted, evidence, grey).sun == fuse(predicted, evidence).sun
-    assert (
-        fuse_single_view(predicted, evidence, white).sun
-        == fuse_single_view(predicted, evidence).sun
-        != fuse(predicted, evidence).sun
-    )

@@ -21,9 +21,7 @@ from lighting.photo.containers import (
 from lighting.photo.reader import read_photo
 from lighting.photo.sandbox import read_photo_isolated
 from tests.conftest import encode, scene
-from tests.helpers.photos import (
-    chunk,
-)
+from tests.helpers.photos import chunk
 
 SCENE = scene(160, 120)
 SOS = b"\xff\xda"
