@@ -8,6 +8,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -23,6 +24,7 @@ _MIN_SKY = 0.6  # probability of it above the line
 _NOT_LAND = (SurfaceClass.SKY, SurfaceClass.WATER)
 _BAND = 4  # rows above and below a line, whose brightness differs
 _SEARCH = (2.0, 0.5, 0.125)  # rows between lines that are tried, each about the best of those before
+_BLOCK = 6  # of such lines, to each side
 _MIN_STEP = 3.0  # gray levels by which it does
 _MIN_SHARE = 0.7  # of the largest step near by in a column
 _MIN_SHARPNESS = 0.71  # of that difference in half as many rows: 1 at a line, half in haze
@@ -128,25 +130,61 @@ def _coarse_line(segments: Segments) -> tuple[Floats, Floats] | None:
 def _best_line(falls: Floats, x: Floats, line: Floats, reach: float, step: float) -> Floats:
     """The line near another along which brightness (h, N) falls most, by its heights (2,) at the two edges.
 
+    Blocks of lines are tried, those first that meet the largest falls, until none of the others can be better.
+
     Args:
-        falls: by how much it is brighter above each row than below it, in the columns at `x` (N,) of the width.
-        x: 0 to 1.
+        falls: 0 or more, by how much it is brighter above each row than below it, in the columns at `x` (N,).
+        x: 0 to 1 of the picture's width.
         line: its heights at 0 and 1, rows.
         reach: rows by which either may change.
         step: rows from one that is tried to the next.
     """
     change = np.arange(-reach, reach + step / 2, step)
+    numbers = np.arange(len(change) ** 2).reshape(len(change), -1)
     lines = line + np.stack(np.meshgrid(change, change), axis=-1).reshape(-1, 2)
-    return np.asarray(lines[_along(falls, x, lines).mean(axis=1).argmax()])
+    begin = np.arange(0, len(change), _BLOCK)
+    end = np.minimum(begin + _BLOCK, len(change))
+    top, bottom = (_heights(lines[numbers[np.ix_(edge, edge)].ravel()], x) for edge in (begin, end - 1))
+    bounds = _most_between(falls, top, bottom, (_BLOCK - 1) * step).mean(axis=1) * (1 + 1e-9)
+    best, most = 0, -1.0
+    for block in np.argsort(-bounds):
+        if bounds[block] < most:
+            break
+        i, j = divmod(int(block), len(begin))
+        members = numbers[begin[i] : end[i], begin[j] : end[j]].ravel()
+        means = _along(falls, x, lines[members]).mean(axis=1)
+        first = int(means.argmax())
+        if (means[first], -members[first]) > (most, -best):  # of equals the first
+            best, most = int(members[first]), float(means[first])
+    return np.asarray(lines[best])
 
 
-def _along(falls: Floats, x: Floats, lines: Floats) -> Floats:
-    """`falls` (h, N) along lines (L, 2): (L, N)."""
-    y = lines[:, :1] + (lines[:, 1:] - lines[:, :1]) * x
-    low = np.clip(np.floor(y).astype(np.intp), 0, len(falls) - 2)
-    index = np.arange(len(x))
+def _most_between(values: Floats, top: Floats, bottom: Floats, span: float) -> Floats:
+    """The largest of values (h, N), or more, from heights (B, N) down to others that are `span` rows below at most."""
+    count = math.floor(span) + 1
+    padded = np.pad(values, ((0, count - 1), (0, 0)), mode="edge")
+    row = np.clip(np.ceil(top), 0, len(values) - 1)
+    inside = sliding_window_view(padded, count, axis=0).max(axis=-1)[row.astype(np.intp), np.arange(values.shape[1])]
+    return np.asarray(np.maximum.reduce([_at(values, top), _at(values, bottom), np.where(row <= bottom, inside, 0)]))
+
+
+def _along(values: Floats, x: Floats, lines: Floats) -> Floats:
+    """Values (h, N) along lines (L, 2): (L, N)."""
+    return _at(values, _heights(lines, x))
+
+
+def _heights(lines: Floats, x: Floats) -> Floats:
+    """The rows (L, N) where lines (L, 2) meet columns at `x` (N,) of the width."""
+    return np.asarray(lines[:, :1] + (lines[:, 1:] - lines[:, :1]) * x)
+
+
+def _at(values: Floats, y: Floats) -> Floats:
+    """Values (h, N), linear between rows, at rows (L, N)."""
+    low = np.floor(y)
+    np.clip(low, 0, len(values) - 2, out=low)
     share = np.clip(y - low, 0, 1)
-    return np.asarray((1 - share) * falls[low, index] + share * falls[low + 1, index])
+    above = low.astype(np.intp) * values.shape[1] + np.arange(values.shape[1])
+    return np.asarray((1 - share) * values.take(above) + share * values.take(above + values.shape[1]))
 
 
 def _sums(values: Floats, first: NDArray[np.intp], count: int) -> Floats:

@@ -102,25 +102,44 @@ def _palette_residual(position: Floats, colors: Floats) -> float:
 
 def _path_residual(colors: Floats, cell: float) -> float:
     """How far colors (N, 3), in cells [levels], lie from the longest path of their minimum spanning tree: the mean."""
-    cells, counts = np.unique(np.floor(colors / cell), axis=0, return_counts=True)
+    cells, counts = _count_rows(np.floor(colors / cell))
     order = np.argsort(-counts, kind="stable")
     kept = order[: int(np.searchsorted(np.cumsum(counts[order]), _MIN_CELL_SHARE * len(colors))) + 1]
     cells, counts = cell * cells[kept], counts[kept]
     distances = np.sqrt(np.square(cells[:, None] - cells).sum(axis=2))
-    nearest, parents = distances[0].copy(), np.zeros(len(cells), dtype=np.intp)
-    is_free = np.arange(len(cells)) > 0
-    to_all = np.zeros_like(distances)  # along the tree, by Prim's algorithm
-    tree = [0]
-    while is_free.any():
-        new = int(np.where(is_free, nearest, np.inf).argmin())
-        to_all[new, tree] = to_all[tree, new] = to_all[parents[new], tree] + distances[new, parents[new]]
-        tree.append(new)
-        is_free[new] = False
-        closer = is_free & (distances[new] < nearest)
-        nearest[closer], parents[closer] = distances[new, closer], new
+    to_all = _tree_distances(distances)
     first, last = np.unravel_index(int(to_all.argmax()), to_all.shape)
     on_path = to_all[first] + to_all[last] <= to_all[first, last] + 1e-6
     return float(np.average(distances[:, on_path].min(axis=1), weights=counts))
+
+
+def _count_rows(rows: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """The different rows (M, 3) of whole numbers (N, 3) in order, and how often (M,) each is there."""
+    lowest = rows.min(axis=0)
+    numbers = (rows - lowest).astype(np.intp)
+    sizes = numbers.max(axis=0) + 1
+    each, counts = np.unique(np.ravel_multi_index(tuple(numbers.T), tuple(sizes)), return_counts=True)
+    return np.stack(np.unravel_index(each, tuple(sizes)), axis=1) + lowest, counts
+
+
+def _tree_distances(distances: Floats) -> Floats:
+    """The distances (N, N) along the minimum spanning tree of points by those between them, by Prim's algorithm."""
+    count = len(distances)
+    nearest, parents = distances[0].copy(), np.zeros(count, dtype=np.intp)  # the place of each in `order`
+    to_free = distances.copy()  # infinite to those in the tree
+    along, order = np.zeros_like(distances), np.zeros(count, dtype=np.intp)
+    nearest[0] = to_free[:, 0] = np.inf
+    for size in range(1, count):
+        new = int(nearest.argmin())
+        parent = parents[new]
+        along[size, :size] = along[:size, size] = along[parent, :size] + distances[new, order[parent]]
+        order[size] = new
+        nearest[new] = to_free[:, new] = np.inf
+        closer = to_free[new] < nearest
+        nearest[closer], parents[closer] = to_free[new, closer], size
+    place = np.empty_like(order)
+    place[order] = np.arange(count)
+    return np.asarray(along[np.ix_(place, place)])
 
 
 def _middle(values: Floats) -> Floats:
