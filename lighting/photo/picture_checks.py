@@ -6,6 +6,7 @@ panorama is closed at its sides, and its first row shows one direction."""
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lighting.geometry import Floats
 from lighting.photo.pixels import Pixels
