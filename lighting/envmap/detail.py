@@ -6,7 +6,7 @@ half of the map is brought back exactly to what it was. Around the sun the sky s
 becomes much brighter than its brightest was: there is one sun.
 """
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -18,11 +18,12 @@ from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET, LibraryDetai
 from lighting.envmap.latlong import (
     Image,
     blur_cells,
+    cell_bands,
     column_blocks,
-    interpolate_cells,
     multiply_cells,
     shrink_axis,
     shrink_envmap,
+    widen_cells,
 )
 from lighting.envmap.projection import CLIPPED, PhotoProjection, sample_cells
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
@@ -57,14 +58,13 @@ _SUN_DEG = (4.0, 14.0)  # around the sun: no detail within the first, all of it 
 _GLOW_DEG = (8.0, 30.0)  # the same of what the map's horizon is smoothed with, so that the glow stays
 _GLARE_DEG = 20.0  # around the sun, where the sky may be bright
 _BRIGHTEST = 1.15  # times the brightest cell of the sky, which no other part exceeds
-_THREADS = 2  # that make the detail of a small map
 
 
 class _MapDetail:
-    """The library's detail, calm around the sun; threads make it in blocks of columns."""
+    """The library's detail, calm around the sun. It is made in blocks of columns, and that of a small map kept."""
 
-    def __init__(self, library: LibraryDetail, sun_angle: Floats | None, tint: Image, pool: ThreadPoolExecutor) -> None:
-        self._library, self._pool = library, pool
+    def __init__(self, library: LibraryDetail, sun_angle: Floats | None, tint: Image) -> None:
+        self._library = library
         self._tint = np.concatenate([tint, np.ones_like(tint)]) - 1
         self._calm = None if sun_angle is None else _share_off_sun(sun_angle, _SUN_DEG)
         self._calmed = slice(0)  # rows of the map around the sun
@@ -73,26 +73,20 @@ class _MapDetail:
             self._calmed = _rows_between(rows, library.height, DETAIL_ROWS)
         self._ceiling: Image | None = None
         self._limited = slice(0)  # rows of the map where the ceiling is low
-        self._blocks = column_blocks(library.height, _THREADS)
-        self._whole: Image | None = None
-        if len(column_blocks(library.height)) == 1:  # a small map's is kept
-            self._whole = np.empty((library.height, 2 * library.height, 3), np.float32)
-            list(pool.map(lambda columns: self._fill(self._block(columns), columns), self._blocks))
+        self._blocks = column_blocks(library.height)
+        self._whole = self._make(self._blocks[0]) if len(self._blocks) == 1 else None
 
     def means(self, rows: int) -> Image:
         """The detail's means (R, 2R, 3) in cells of some rows."""
         if self._whole is not None:
             return shrink_envmap(self._whole, rows)
-        blocks = self._pool.map(lambda columns: shrink_axis(self._block(columns), 0, rows), self._blocks)
-        return shrink_axis(np.concatenate(list(blocks), axis=1), 1, 2 * rows)
+        blocks = [shrink_axis(self._make(columns), 0, rows) for columns in self._blocks]
+        return shrink_axis(np.concatenate(blocks, axis=1), 1, 2 * rows)
 
     def multiply(self, image: Image) -> None:
         """Give a map (H, 2H, 3) the detail."""
-
-        def multiply(columns: slice) -> None:
-            image[:, columns] *= self._block(columns)
-
-        list(self._pool.map(multiply, self._blocks))
+        for columns in self._blocks:
+            image[:, columns] *= self._make(columns) if self._whole is None else self._whole
 
     def limit(self, ceiling: Image) -> bool:
         """Bring the sky's detail under cells (R, 2R, 3), which are the sky over its mirror image; False if it is."""
@@ -101,38 +95,37 @@ class _MapDetail:
             self._ceiling = ceiling
             self._limited = _rows_between(rows, self._library.height // 2, len(ceiling) // 2)
             if self._whole is not None:
-                list(self._pool.map(lambda columns: self._darken(self._block(columns), columns), self._blocks))
+                self._darken(self._whole, self._blocks[0])
         return bool(rows.size)
 
-    def _block(self, columns: slice) -> Image:
-        """Some columns (H, C, 3)."""
-        if self._whole is not None:
-            return self._whole[:, columns]
-        detail = np.empty((self._library.height, columns.stop - columns.start, 3), np.float32)
-        self._fill(detail, columns)
-        return detail
-
-    def _fill(self, detail: Image, columns: slice) -> None:
-        """Make some columns (H, C, 3)."""
+    def _make(self, columns: slice) -> Image:
+        """Some columns (H, C, 3), some rows at a time, so that they stay in the processor's cache."""
         height = self._library.height
-        self._library.fill(detail, columns)
-        tint = interpolate_cells(self._tint, height, slice(0, height // 2), columns)
-        calm = None if self._calm is None else interpolate_cells(self._calm, height, self._calmed, columns)
-        _color_dark(detail, tint)
-        if calm is not None:
-            part = detail[self._calmed]
-            part -= 1
-            part *= calm
-            part += 1
-        np.clip(detail, *_DETAIL_RANGE, out=detail)
+        detail = np.empty((height, columns.stop - columns.start, 3), np.float32)
+        tint = widen_cells(self._tint, 2 * height, columns)
+        calm = None if self._calm is None else widen_cells(self._calm, 2 * height, columns)
+        for band, near, shares in self._library.fill(detail, columns):
+            part = detail[band]
+            if band.start < height // 2:
+                _color_dark(part, (shares @ tint[near]).reshape(part.shape))
+            if calm is not None and (rows := _common_rows(band, self._calmed)):
+                around_sun = part[rows]
+                around_sun -= 1
+                around_sun *= (shares[rows] @ calm[near]).reshape(around_sun.shape)
+                around_sun += 1
+            np.clip(part, *_DETAIL_RANGE, out=part)
         if self._ceiling is not None:
             self._darken(detail, columns)
+        return detail
 
     def _darken(self, detail: Image, columns: slice) -> None:
         """Bring some columns (H, C, 3) under the ceiling, where it is low."""
         assert self._ceiling is not None
-        sky = detail[self._limited]
-        np.minimum(sky, interpolate_cells(self._ceiling, len(detail), self._limited, columns), out=sky)
+        ceiling = widen_cells(self._ceiling, 2 * len(detail), columns)
+        for band, near, shares in cell_bands(len(detail), DETAIL_ROWS):
+            if rows := _common_rows(band, self._limited):
+                sky = detail[band][rows]
+                np.minimum(sky, (shares[rows] @ ceiling[near]).reshape(sky.shape), out=sky)
 
 
 def add_detail(
@@ -143,7 +136,6 @@ def add_detail(
     segments: Segments | None,
     projection: PhotoProjection,
     gain: float,
-    pool: ThreadPoolExecutor,
 ) -> None:
     """Give a coarse map detail; its light stays where the photo will not be laid over it.
 
@@ -155,7 +147,6 @@ def add_detail(
         segments: what the photo shows; None: unknown.
         projection: the photo in the map.
         gain: over 0, by which the photo's linear values are multiplied.
-        pool: of threads that make the detail.
     """
     fine = _photo_cells(photo, lighting, segments, projection, gain)
     rows = len(fine.log)
@@ -169,7 +160,7 @@ def add_detail(
     blurred = np.exp(smoothing if sun_angle is None else smoothing * _share_off_sun(sun_angle, _GLOW_DEG))
     level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
     open_share = (1 - rim.covered * (1 - rim.clipped)) * level
-    detail = _MapDetail(library.result(), sun_angle, _own_tint(before, library.result().color), pool)
+    detail = _MapDetail(library.result(), sun_angle, _own_tint(before, library.result().color))
     fine_cells = fine_before * detail.means(rows)
     cells = _pool(fine_cells, DETAIL_ROWS)
     lit = cells * blurred
@@ -187,7 +178,7 @@ def add_detail(
     list(map(multiply_cells, np.split(fine_gains, 2), np.split(gains, 2)))
     fine_gains *= _hand_over(fine_cells * fine_gains, fine, *_BAND_DEG)
     detail.multiply(image)
-    list(pool.map(multiply_cells, np.split(image, 2), np.split(fine_gains, 2)))
+    list(map(multiply_cells, np.split(image, 2), np.split(fine_gains, 2)))
 
 
 @lru_cache(maxsize=1)
@@ -253,7 +244,8 @@ class _PhotoCells:
 def _pool(cells: Image, rows: int) -> Image:
     """Cells (R, 2R, C) in larger ones of fewer rows, each of as many."""
     count = len(cells) // rows
-    return np.asarray(cells.reshape(rows, count, 2 * rows, count, -1).mean(axis=(1, 3)))
+    down = sum(cells[first::count] for first in range(count))
+    return np.asarray(sum(down[:, first::count] for first in range(count)) / np.float32(count**2), dtype=np.float32)
 
 
 def _photo_cells(
@@ -349,6 +341,12 @@ def _rows_between(cells: NDArray[np.intp], height: int, rows: int) -> slice:
     """The rows, of a map's or a half's height, that some rows of cells, of as many as it has, reach."""
     scale = height / rows
     return slice(int(max(0, (cells[0] - 1) * scale)), int(min(height, (cells[-1] + 2) * scale)))
+
+
+def _common_rows(band: slice, rows: slice) -> slice | None:
+    """Which of a band's rows, from 0, are among some rows of the map; None: none."""
+    first, last = max(rows.start or 0, band.start), min(rows.stop, band.stop)
+    return slice(first - band.start, last - band.start) if first < last else None
 
 
 def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) -> None:

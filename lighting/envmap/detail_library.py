@@ -9,6 +9,7 @@ paving. Its sun counts too, so that shadows agree. Snow is for photos of snow al
 """
 
 import io
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -21,7 +22,7 @@ from PIL import ImageEnhance, WebPImagePlugin
 from lighting.checksum import DATA_FOLDER, verify_checksum
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.appearance import PhotoSamples, shows_snow
-from lighting.envmap.latlong import Image, blur_cells, column_blocks, multiply_cells, shrink_envmap
+from lighting.envmap.latlong import Image, blur_cells, cell_bands, column_blocks, shrink_envmap, widen_cells
 from lighting.envmap.projection import sample_cells
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.records import Lighting
@@ -483,15 +484,28 @@ class LibraryDetail:
     def _pixels(self, columns: slice) -> NDArray[np.uint8]:
         return self._picture.columns(columns) if self._kept is None else self._kept[:, columns]
 
-    def fill(self, detail: Image, columns: slice) -> None:
-        """Write some columns of the detail.
+    def fill(self, detail: Image, columns: slice) -> Iterator[tuple[slice, slice, Image]]:
+        """Write some columns of the detail, a few rows at a time, and yield each of `cell_bands` when it is written.
 
         Args:
             detail: (H, C, 3), with whole rows one behind the other; what is written.
             columns: of a map of as many rows.
         """
-        (SRGB_LINEAR + LOG_OFFSET).take(self._pixels(columns), out=detail, mode="clip")  # which needs no copy
-        multiply_cells(detail, self._gains, columns)
+        pixels = np.ascontiguousarray(self._pixels(columns)).reshape(self.height, -1).view(np.uint16)
+        gains, flat = widen_cells(self._gains, 2 * self.height, columns), detail.reshape(self.height, -1)
+        for band, near, shares in cell_bands(self.height, DETAIL_ROWS):
+            _light_pairs().take(pixels[band], out=flat[band].view(np.uint64), mode="clip")  # which needs no copy
+            flat[band] *= shares @ gains[near]
+            yield band, near, shares
+
+
+@lru_cache(maxsize=1)
+def _light_pairs() -> NDArray[np.uint64]:
+    """SRGB_LINEAR + LOG_OFFSET of two values, (65536,), each pair as one number: half as much is looked up."""
+    values = np.arange(1 << 16, dtype=np.uint16).view(np.uint8)
+    pairs = (SRGB_LINEAR + LOG_OFFSET).take(values).view(np.uint64)
+    pairs.setflags(write=False)
+    return pairs
 
 
 def _coarse_colors(picture: NDArray[np.uint8]) -> Image:

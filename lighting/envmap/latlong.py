@@ -252,38 +252,41 @@ def multiply_cells(image: Image, cells: Image, columns: slice | None = None) -> 
         columns: of a map of H rows, that the image has; None: the image has all of the grid's directions.
     """
     height, width = image.shape[:2] if columns is None else (len(image), 2 * len(image))
-    wide = _widen_cells(cells, width, slice(0, width) if columns is None else columns)
+    wide = widen_cells(cells, width, slice(0, width) if columns is None else columns)
     flat = image.reshape(height, -1)
     for band, near, shares in _interpolation_bands(height, len(cells), False, 0, height):
         flat[band] *= shares @ wide[near]
 
 
-def interpolate_cells(cells: Image, height: int, rows: slice, columns: slice) -> Image:
-    """The cells (R, 2R, 3) of a map in a window (r, c, 3) of its pixels, linear between their centres.
+def widen_cells(cells: Image, width: int, columns: slice) -> Image:
+    """Rows of cells (R, C, 3) in some columns of a map: (R, 3 c), linear between the cells' centers.
 
     Args:
-        cells: on a grid of the map's directions.
-        height: rows of the map.
-        rows: of the window.
-        columns: of the window.
+        cells: on a grid of the map's directions, or of some of its rows.
+        width: of the map, pixels.
+        columns: of the map.
     """
-    bands = _interpolation_bands(height, len(cells), False, rows.start, rows.stop)
-    window = np.empty((rows.stop - rows.start, columns.stop - columns.start, 3), np.float32)
-    if not bands:
-        return window
-    first, last = bands[0][1].start, bands[-1][1].stop  # of the cells that count
-    wide, flat = _widen_cells(cells[first:last], 2 * height, columns), window.reshape(len(window), -1)
-    for band, near, shares in bands:
-        np.matmul(shares, wide[near.start - first : near.stop - first], out=flat[band])
-    return window
-
-
-def _widen_cells(cells: Image, width: int, columns: slice) -> Image:
-    """Rows of cells (R, C, 3) in some columns of a map of some width: (R, 3 c)."""
     wide = np.empty((len(cells), columns.stop - columns.start, 3), np.float32)
     for band, near, shares in _interpolation_bands(width, cells.shape[1], True, columns.start, columns.stop):
         np.matmul(shares, cells[:, near], out=wide[:, band])
     return wide.reshape(len(cells), -1)
+
+
+def cell_bands(height: int, rows: int) -> list[tuple[slice, slice, NDArray[np.float32]]]:
+    """Bands of few rows of a map, none on both sides of its horizon, that lie between few rows of cells.
+
+    Each has its rows, the rows of cells that count for it, and their shares (band, cells) in its rows.
+
+    Args:
+        height: rows of the map.
+        rows: of the cells.
+    """
+    middle = height // 2
+    lower = _interpolation_bands(height, rows, False, middle, height)
+    return [
+        *_interpolation_bands(height, rows, False, 0, middle),
+        *((slice(band.start + middle, band.stop + middle), near, shares) for band, near, shares in lower),
+    ]
 
 
 @lru_cache(maxsize=64)

@@ -24,7 +24,7 @@ from lighting.envmap.latlong import (
     irradiance_from_rows,
     multiply_cells,
 )
-from lighting.envmap.projection import CLIPPED, PhotoProjection, project_photo, sample_cells
+from lighting.envmap.projection import CLIPPED, project_photo, sample_cells
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions, wrap_azimuth
@@ -158,22 +158,19 @@ def render_with_surroundings(
     has_disc = disc and (lighting.sun_painted if sun is None else sun)
     check_height(height)
     detailed = context.detail and height >= MIN_ROWS
-    with ThreadPoolExecutor(1 + detailed) as pool:  # the photo and its detail are read while the sky is painted
-        projection = pool.submit(project_photo, lighting, context.photo, height)
-        found = pool.submit(_find_detail, lighting, context, height) if detailed else None
+    with ThreadPoolExecutor(1) as thread:  # the photo and its detail are read while the sky is painted
+        projection = thread.submit(project_photo, lighting, context.photo, height)
+        found = thread.submit(_find_detail, lighting, context, height) if detailed else None
         image = render(lighting, height, sun=sun, disc=False)
         factors, photo = _context_factors(image, lighting, context), projection.result()
         gain, halves, targets = context.gain(lighting), _halves(height), _half_irradiances(image)
-        upper, lower = (
-            partial(_lay_surroundings, image, rows, target, cells, photo, gain)
-            for rows, target, cells in zip(halves, targets, np.split(factors, 2), strict=True)
-        )
-        upper_done = pool.submit(upper, not detailed)
-        lower(not detailed)
-        upper_done.result()
+        for rows, target, cells in zip(halves, targets, np.split(factors, 2), strict=True):
+            multiply_cells(image[rows], cells)
+            photo.lay(image, rows, target, gain, shown=not detailed)
         if found is not None:
-            add_detail(image, found, lighting, context.photo, context.segments, photo, gain, pool)
-            list(pool.map(partial(photo.lay, image, gain=gain), halves, targets))
+            add_detail(image, found, lighting, context.photo, context.segments, photo, gain)
+            for rows, target in zip(halves, targets, strict=True):
+                photo.lay(image, rows, target, gain)
     cap_map(image, lighting)
     if has_disc:
         add_sun(image, lighting)
@@ -390,14 +387,3 @@ def _half_irradiances(image: Image) -> tuple[Floats, Floats]:
     levels = np.split(latlong.row_irradiance(len(image)), 2)
     above, below = map(irradiance_from_rows, levels, np.split(image, 2))
     return above, below
-
-
-def _lay_surroundings(
-    image: Image, half: slice, target: Floats, cells: Image, photo: PhotoProjection, gain: float, shown: bool
-) -> None:
-    """Give one half of the bare map its cells' factors, and the photo times a gain. Its irradiance stays.
-
-    `shown` False leaves the photo out, but the rest is as bright as with it.
-    """
-    multiply_cells(image[half], cells)
-    photo.lay(image, half, target, gain, shown=shown)
