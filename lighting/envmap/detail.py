@@ -6,7 +6,6 @@ half of the map is brought back exactly to what it was. Around the sun the sky s
 becomes much brighter than its brightest was: there is one sun.
 """
 
-from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -18,6 +17,7 @@ from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET, LibraryDetai
 from lighting.envmap.latlong import (
     Image,
     blur_cells,
+    blur_channels,
     cell_bands,
     column_blocks,
     multiply_cells,
@@ -130,7 +130,7 @@ class _MapDetail:
 
 def add_detail(
     image: Image,
-    library: Future[LibraryDetail],
+    library: LibraryDetail,
     lighting: Lighting,
     photo: NDArray[np.uint8],
     segments: Segments | None,
@@ -141,7 +141,7 @@ def add_detail(
 
     Args:
         image: (H, 2H, 3) linear, MIN_ROWS rows at least, without photo and disc, changed in place.
-        library: the detail of a panorama, of as many rows, which may be read meanwhile.
+        library: the detail of a panorama, of as many rows.
         lighting: of the map; its camera and its sun count.
         photo: (h, w, 3) sRGB, upright.
         segments: what the photo shows; None: unknown.
@@ -160,11 +160,11 @@ def add_detail(
     blurred = np.exp(smoothing if sun_angle is None else smoothing * _share_off_sun(sun_angle, _GLOW_DEG))
     level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
     open_share = (1 - rim.covered * (1 - rim.clipped)) * level
-    detail = _MapDetail(library.result(), sun_angle, _own_tint(before, library.result().color))
+    detail = _MapDetail(library, sun_angle, _own_tint(before, library.color))
     fine_cells = fine_before * detail.means(rows)
     cells = _pool(fine_cells, DETAIL_ROWS)
-    lit = cells * blurred
-    gains = blurred * _light_gains(before, lit, open_share)
+    gains = blurred * _light_gains(before, cells * blurred, open_share)
+    lit = cells * gains
     if sun_angle is not None:
         gains **= _share_off_sun(sun_angle, _SUN_DEG)  # the glow stays as bright as it was, as its detail has none
     gains *= _hand_over(lit, rim, _HAND_OVER_DEG[0])
@@ -283,19 +283,26 @@ def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
 
     Args:
         before: (R, 2R, 3) the map without detail.
-        lit: (R, 2R, 3) the map with detail; it is changed.
+        lit: (R, 2R, 3) the map with detail.
         open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
     """
-    gains, light = np.ones_like(before), before * open_share
-    color, level = blur_cells(light, _COLOR_DEG), blur_cells(light, _LIGHT_DEG) @ LUMINANCE_WEIGHTS
-    for deg, wanted in 2 * ((_COLOR_DEG, color), (_LIGHT_DEG, level[..., None])):
-        reached = blur_cells(lit * open_share, deg)
+    share = np.ascontiguousarray(open_share[..., 0])
+    light, reached = (np.ascontiguousarray(np.moveaxis(image, 2, 0)) * share for image in (before, lit))
+    color, level = blur_channels(light, _COLOR_DEG), _gray(blur_channels(light, _LIGHT_DEG))
+    gains = np.ones_like(light)
+    for deg, wanted in 2 * ((_COLOR_DEG, color), (_LIGHT_DEG, level)):
+        blurred = blur_channels(reached, deg)
         if deg == _LIGHT_DEG:
-            reached = (reached @ LUMINANCE_WEIGHTS)[..., None]
-        change = np.clip(wanted / np.maximum(reached, np.float32(1e-9)), *_GAIN_RANGE).astype(np.float32)
+            blurred = _gray(blurred)
+        change = np.clip(wanted / np.maximum(blurred, np.float32(1e-9)), *_GAIN_RANGE)
         gains *= change
-        lit *= change
-    return gains
+        reached *= change
+    return np.ascontiguousarray(np.moveaxis(gains, 0, 2))
+
+
+def _gray(channels: Image) -> Image:
+    """The luminance (R, 2R) of channels (3, R, 2R)."""
+    return np.asarray(np.tensordot(LUMINANCE_WEIGHTS, channels, axes=1), dtype=np.float32)
 
 
 def _hand_over(lit: Image, photo: _PhotoCells, *reaches: tuple[float, float]) -> Image:
@@ -308,21 +315,24 @@ def _hand_over(lit: Image, photo: _PhotoCells, *reaches: tuple[float, float]) ->
         photo: in the same cells.
         reaches: standard deviations along the rows and the columns over which it does, one after the other.
     """
-    log_gains = np.zeros_like(lit)
-    for half in np.split(np.arange(len(lit)), 2):
-        rim = photo.rim[half]
-        edge = rim[..., 0] > 0
+    log_gains = np.zeros((3, *lit.shape[:2]), np.float32)
+    for half in (slice(0, len(lit) // 2), slice(len(lit) // 2, len(lit))):
+        rim = photo.rim[half, :, 0]
+        edge = rim > 0
         if not edge.any():
             continue
-        off, near = np.zeros_like(lit[half]), photo.covered[half] > _LEAST_COVERED
-        off[edge] = np.clip(photo.log[half][edge] - np.log(lit[half][edge] + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
+        off, parts = np.zeros((3, *rim.shape), np.float32), np.empty((5, *rim.shape), np.float32)
+        log_ratio = photo.log[half][edge] - np.log(lit[half][edge] + LOG_OFFSET)
+        off[:, edge] = np.clip(log_ratio, -_HAND_OVER, _HAND_OVER).T
+        parts[3], parts[4] = edge, photo.covered[half, :, 0] > _LEAST_COVERED
         for reach in reaches:
-            parts = np.concatenate([off * rim, edge[..., None], near], axis=2)
-            spread, whole, inside = np.split(blur_cells(parts, *reach), (3, 4), axis=2)
-            change = spread / np.maximum(whole, _TINY) * np.minimum(2 * inside, 1)  # less and less beyond the edges
-            log_gains[half] += change
+            np.multiply(off, rim, out=parts[:3])
+            blurred = blur_channels(parts, *reach)
+            spread, whole, inside = blurred[:3], blurred[3], blurred[4]
+            change = spread * (np.minimum(2 * inside, 1) / np.maximum(whole, _TINY))  # less and less beyond the edges
+            log_gains[:, half] += change
             off -= change
-    return np.exp(log_gains)
+    return np.exp(np.ascontiguousarray(np.moveaxis(log_gains, 0, 2)))
 
 
 def _detail_ceiling(cells: Image, limit: Floats) -> Image:
@@ -358,24 +368,28 @@ def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) 
         cells: (R, 2R, 3) the map with detail, before the gains.
         open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
     """
-    lit, moments = cells * gains, _moments()
-    flat = moments.reshape(-1, moments.shape[-1])
-    for channel in range(3):
-        power = (open_share[..., 0] * lit[..., channel]).reshape(-1)
-        missing = flat.T @ (open_share[..., 0] * (before - lit)[..., channel]).reshape(-1)
-        solution = np.linalg.lstsq(flat.T @ (power[:, None] * flat), missing, rcond=1e-5)[0]
-        change = np.clip(1 + flat @ solution, *_GAIN_RANGE)
-        gains[..., channel] *= change.reshape(gains.shape[:2]).astype(np.float32)
+    lit, (moments, products) = cells * gains, _moments()
+    terms = moments.shape[1]
+    power, missing = ((open_share * part).reshape(-1, 3).T for part in (lit, before - lit))
+    normal, wanted = (power @ products).reshape(3, terms, terms), missing @ moments
+    solutions = [np.linalg.lstsq(*pair, rcond=1e-5)[0] for pair in zip(normal, wanted, strict=True)]
+    change = np.clip(1 + moments @ np.stack(solutions, axis=1), *_GAIN_RANGE)
+    gains *= change.reshape(gains.shape).astype(np.float32)
 
 
 @lru_cache(maxsize=1)
-def _moments() -> Floats:
-    """Spherical harmonics (R, 2R, 10) up to the second order, of any scale, and the cosine of level ground."""
+def _moments() -> tuple[Floats, Floats]:
+    """Spherical harmonics (2 R², 10) up to the second order, of any scale, and the cosine of level ground.
+
+    Also the product of each with each (2 R², 100).
+    """
     x, y, z = np.moveaxis(_cell_directions(), -1, 0)
     terms = [np.ones_like(x), x, y, z, x * y, y * z, x * z, x * x - z * z, 3 * y * y - 1, np.abs(y)]
-    moments = np.stack(terms, axis=-1)
-    moments.setflags(write=False)
-    return moments
+    moments = np.stack(terms, axis=-1).reshape(-1, len(terms))
+    products = (moments[:, :, None] * moments[:, None]).reshape(len(moments), -1)
+    for values in (moments, products):
+        values.setflags(write=False)
+    return moments, products
 
 
 def _sky_limit(before: Image, open_share: Image, sun_angle: Floats | None) -> Floats:

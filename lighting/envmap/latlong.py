@@ -22,7 +22,6 @@ Image = NDArray[np.float32]
 MAX_RADIANCE = 65280.0  # of what is painted: 255 x 256, the largest value of RGBE up to 65504, where half floats end
 _BAND_PIXELS = 32  # rows or columns between few cells, that are interpolated at once
 _BLOCK_PIXELS = 1 << 20  # of a map that are worked on at once, where much is computed of each
-_SHARED_PIXELS = 1 << 18  # of a map from which threads share the work
 _MIN_WEIGHT = 1e-20  # of a cell in a blur: sums of floats do not show less
 _BLOCK_STEP = 64  # columns of which blocks are multiples, so that products of matrices keep their bits
 
@@ -42,15 +41,14 @@ def row_irradiance(height: int) -> Floats:
     return irradiance
 
 
-def column_blocks(height: int, least: int = 1) -> list[slice]:
+def column_blocks(height: int) -> list[slice]:
     """The columns of a map in blocks, so that what is computed of each takes little memory.
 
     Args:
         height: rows of the map.
-        least: how many blocks a map has, for as many threads; a map that is quickly worked on has one.
     """
     width = 2 * height
-    most = min(_BLOCK_PIXELS // height, width // least if width * height >= _SHARED_PIXELS else width)
+    most = min(_BLOCK_PIXELS // height, width)
     step = width if most == width else max(most // _BLOCK_STEP, 1) * _BLOCK_STEP
     return [slice(start, min(start + step, width)) for start in range(0, width, step)]
 
@@ -168,21 +166,30 @@ def blur_envmap(image: Image, concentration: float) -> Image:
     return _convolve_envmap(image, lambda cosine: np.exp(np.float32(concentration) * (cosine - 1)))
 
 
-def blur_cells(cells: Image, deg: float, down_deg: float | None = None) -> Image:
-    """Cells (r, 2R, C), some rows of a map, blurred along both axes; columns wrap and rows end.
+def blur_cells(cells: Image, deg: float) -> Image:
+    """Cells (R, 2R, C) of a map, blurred along both axes; columns wrap and rows end.
 
     Args:
-        cells: (r, 2R, C).
+        cells: (R, 2R, C).
+        deg: standard deviation.
+    """
+    return np.moveaxis(blur_channels(np.moveaxis(cells, 2, 0), deg), 0, 2)
+
+
+def blur_channels(channels: Image, deg: float, down_deg: float | None = None) -> Image:
+    """Channels (C, r, 2R) of some rows of a map's cells, as `blur_cells`: each is two products of matrices.
+
+    Args:
+        channels: (C, r, 2R).
         deg: standard deviation along the rows.
         down_deg: along the columns; None: the same.
     """
-    rows, columns = cells.shape[:2]
+    rows, columns = channels.shape[1:]
     down = _blur_matrix(rows, columns // 2, deg if down_deg is None else down_deg, False)
     across = _blur_matrix(columns, columns // 2, deg, True)
-    used = cells.any(axis=(0, 2))  # columns: a photo's edges lie in a few
-    part = cells[:, used]
-    blurred = (down @ part.reshape(rows, -1)).reshape(part.shape)
-    return np.asarray(across[:, used] @ blurred, dtype=np.float32)
+    used = channels.any(axis=(0, 1))  # columns: a photo's edges lie in a few
+    part = np.ascontiguousarray(channels if used.all() else channels[..., used], dtype=np.float32)
+    return np.asarray((down @ part) @ across[:, used].T, dtype=np.float32)
 
 
 @lru_cache(maxsize=32)

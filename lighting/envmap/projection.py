@@ -198,10 +198,7 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
     window = geometry.pixel_window(inside, height, 2 * height) or (slice(0, 0), slice(0, 0))
     blocks = column_blocks(height)
     picture = _resize_photo(photo, (width, rows))
-    projection = PhotoProjection(*window, height, picture, camera, blocks)
-    if len(blocks) == 1:
-        _ = projection.whole  # found here, which may be a thread beside other work
-    return projection
+    return PhotoProjection(*window, height, picture, camera, blocks)
 
 
 def _inner_weight(x: Image, y: Image) -> Image:

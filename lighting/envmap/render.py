@@ -199,8 +199,9 @@ def _render_mixed_sky(upper: Image, lighting: Lighting, sky: str, irradiance: Fl
     set_irradiance(row_irradiance(2 * len(upper))[: len(upper)], upper, (1 - cover) * irradiance)
     if cover > 0:
         added = np.tile(np.asarray(cover * irradiance, dtype=np.float32), upper.shape[1])  # as in `scale_colors`
-        for row, radiance in zip(upper.reshape(len(upper), -1), overcast, strict=True):
-            row += radiance * added
+        flat, rows = upper.reshape(len(upper), -1), max(1, _CHUNK_PIXELS // added.size)
+        for start in range(0, len(flat), rows):
+            flat[start : start + rows] += overcast[start : start + rows] * added
 
 
 def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
@@ -433,7 +434,9 @@ def _even_disc(sun: Floats, elevation: float, radius: float, height: int) -> tup
     horizontal = radius**2 / vertical
     rows = np.arange(max(0, math.floor((90.0 - elevation - vertical) / pixel - 1)), height // 2)
     rows = rows[: max(1, math.ceil((90.0 - elevation + vertical) / pixel + 1) - rows[0])]
-    pixels = (rows[:, None] * 2 * height + np.arange(2 * height)).ravel()
+    reach = max(vertical, horizontal) * (1 + 0.5 * pixel / min(vertical, horizontal))
+    columns = _columns_within(float(angles(sun)[0]), elevation, reach, height)
+    pixels = (rows[:, None] * 2 * height + columns).ravel()
     directions = _pixel_directions(pixels, height)
     up = np.degrees(np.arcsin(directions[:, 1])) - elevation
     beside2 = np.maximum(np.square(angle_between(directions, sun)) - np.square(up), 0.0)
@@ -441,6 +444,21 @@ def _even_disc(sun: Floats, elevation: float, radius: float, height: int) -> tup
     share = np.clip((1 - outward) * min(vertical, horizontal) / pixel + 0.5, 0.0, 1.0)
     inside = share > 0
     return pixels[inside], share[inside], directions[inside]
+
+
+def _columns_within(azimuth: float, elevation: float, reach: float, height: int) -> NDArray[np.intp]:
+    """Columns of a map, from 0 on, that hold all directions within an angle [deg] of one; all of them at the zenith."""
+    if (beside := _azimuth_reach(elevation, reach)) is None:
+        return np.arange(2 * height)
+    columns = _cells_between(azimuth + 180.0 - beside, azimuth + 180.0 + beside, height / 180.0)
+    return np.unique(columns % (2 * height))
+
+
+def _azimuth_reach(elevation: float, reach: float) -> float | None:
+    """How far beside a direction [deg] what lies within an angle [deg] of it reaches; None: all around."""
+    if elevation + reach >= 90.0:
+        return None
+    return math.degrees(math.asin(math.sin(math.radians(reach)) / math.cos(math.radians(elevation))))
 
 
 def _at_height(share: Floats, solid_angle: Floats, directions: Floats, sun: Floats) -> Floats:
@@ -490,10 +508,9 @@ def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArr
     widest = math.cos(math.radians(max(elevation - SUN_RADIUS, 0.0)))
     split = max(_FINE_PER_PIXEL, -(-_FINE_HEIGHT // height))
     across = math.ceil(split * widest)
-    if elevation + SUN_RADIUS >= 90.0:
+    if (reach := _azimuth_reach(elevation, SUN_RADIUS)) is None:
         columns = np.arange(2 * height * across)
     else:
-        reach = math.degrees(math.asin(math.sin(math.radians(SUN_RADIUS)) / math.cos(math.radians(elevation))))
         columns = _cells_between(azimuth + 180.0 - reach, azimuth + 180.0 + reach, height * across / 180.0)
     rows = _cells_between(90.0 - elevation - SUN_RADIUS, 90.0 - elevation + SUN_RADIUS, height * split / 180.0)
     rows = rows[rows >= 0]

@@ -7,7 +7,6 @@ disc is painted last, so there is one sun.
 """
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 
@@ -158,19 +157,17 @@ def render_with_surroundings(
     has_disc = disc and (lighting.sun_painted if sun is None else sun)
     check_height(height)
     detailed = context.detail and height >= MIN_ROWS
-    with ThreadPoolExecutor(1) as thread:  # the photo and its detail are read while the sky is painted
-        projection = thread.submit(project_photo, lighting, context.photo, height)
-        found = thread.submit(_find_detail, lighting, context, height) if detailed else None
-        image = render(lighting, height, sun=sun, disc=False)
-        factors, photo = _context_factors(image, lighting, context), projection.result()
-        gain, halves, targets = context.gain(lighting), _halves(height), _half_irradiances(image)
-        for rows, target, cells in zip(halves, targets, np.split(factors, 2), strict=True):
-            multiply_cells(image[rows], cells)
-            photo.lay(image, rows, target, gain, shown=not detailed)
-        if found is not None:
-            add_detail(image, found, lighting, context.photo, context.segments, photo, gain)
-            for rows, target in zip(halves, targets, strict=True):
-                photo.lay(image, rows, target, gain)
+    image = render(lighting, height, sun=sun, disc=False)
+    factors, photo = _context_factors(image, lighting, context), project_photo(lighting, context.photo, height)
+    gain, halves, targets = context.gain(lighting), _halves(height), _half_irradiances(image)
+    for rows, target, cells in zip(halves, targets, np.split(factors, 2), strict=True):
+        multiply_cells(image[rows], cells)
+        photo.lay(image, rows, target, gain, shown=not detailed)
+    if detailed:
+        library = _find_detail(lighting, context, height)
+        add_detail(image, library, lighting, context.photo, context.segments, photo, gain)
+        for rows, target in zip(halves, targets, strict=True):
+            photo.lay(image, rows, target, gain)
     cap_map(image, lighting)
     if has_disc:
         add_sun(image, lighting)
