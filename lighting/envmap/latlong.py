@@ -60,19 +60,8 @@ def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
         levels: (R,) the `row_irradiance` of these rows.
         rows: (R, W, 3) linear radiance.
     """
-    return np.asarray(irradiance_by_columns(levels, rows).mean(axis=0, dtype=np.float64))
-
-
-def irradiance_by_columns(levels: Floats, rows: Image) -> Image:
-    """Irradiance (W, 3) of level ground by some rows of a map, were all its columns as one.
-
-    Args:
-        levels: (R,) the `row_irradiance` of these rows.
-        rows: (R, W, 3) linear radiance.
-    """
-    count, width = rows.shape[:2]
-    columns = np.einsum("r,rx->x", np.asarray(levels, dtype=np.float32), rows.reshape(count, 3 * width))
-    return np.asarray(columns.reshape(width, 3))
+    columns = np.einsum("r,rx->x", np.asarray(levels, dtype=np.float32), rows.reshape(len(rows), -1))
+    return np.asarray(columns.reshape(-1, 3).mean(axis=0, dtype=np.float64))
 
 
 def envmap_irradiance(image: Image, normals: Floats) -> Floats:

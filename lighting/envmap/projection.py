@@ -12,7 +12,6 @@ from lighting.envmap.latlong import (
     EPSILON_IRRADIANCE,
     Image,
     column_blocks,
-    irradiance_by_columns,
     irradiance_from_rows,
     row_irradiance,
     scale_colors,
@@ -50,18 +49,24 @@ class ProjectedPhoto:
         """`weight` of each channel (R, C, 3), since numpy takes ten times as long with an innermost axis of 1."""
         return self.weight[..., None].repeat(3, axis=2)
 
-    def over(self, image: Image, gain: float) -> "ProjectedPhoto":
-        """The same times a gain. Where the photo is clipped and the map brighter, the map's value counts.
+    @cached_property
+    def clipped(self) -> NDArray[np.bool_] | None:
+        """Where a channel is clipped (R, C, 3); None: nowhere."""
+        red, green, blue = np.moveaxis(self.linear > CLIPPED, -1, 0)
+        clipped = red | green | blue
+        return clipped[..., None].repeat(3, axis=2) if clipped.any() else None
+
+    def over(self, image: Image, gain: float) -> Image:
+        """Its linear values (R, C, 3) times a gain. Where it is clipped and the map brighter, the map's value counts.
 
         Args:
             image: (H, 2H, 3) the map.
             gain: over 0.
         """
-        red, green, blue = np.moveaxis(self.linear > CLIPPED, -1, 0)
-        clipped = (red | green | blue)[..., None].repeat(3, axis=2)
         linear = self.linear * np.float32(gain)
-        np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped)
-        return replace(self, linear=linear)
+        if self.clipped is not None:
+            np.maximum(linear, image[self.rows, self.columns], out=linear, where=self.clipped)
+        return linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,24 +100,24 @@ class PhotoProjection:
         if not self._reaches(half):
             set_irradiance(levels[half], image[half], irradiance)
             return
-        only = self._over(image, half, self.blocks[0], gain) if len(self.blocks) == 1 else None
-        by_photo, behind = [], []
+        by_photo, behind = np.zeros(3), np.zeros(3)  # as were all columns one
         for columns in self.blocks:
-            if (part := only or self._over(image, half, columns, gain)) is not None:
-                window, level = image[part.rows, part.columns], levels[part.rows]
-                by_photo.append(irradiance_by_columns(level, part.channel_weight * part.linear))
-                behind.append(irradiance_by_columns(level, part.channel_weight * window))
-        share = (self.columns.stop - self.columns.start) / image.shape[1]
-        added = np.concatenate(by_photo).mean(axis=0, dtype=np.float64) * share
-        hidden = np.concatenate(behind).mean(axis=0, dtype=np.float64) * share
+            if (part := self.block(columns, half)) is not None:
+                level = np.asarray(levels[part.rows], dtype=np.float32)[:, None, None] * part.channel_weight
+                by_photo += _sum_product(level, part.over(image, gain))
+                behind += _sum_product(level, image[part.rows, part.columns])
+        added, hidden = by_photo / image.shape[1], behind / image.shape[1]
         left = irradiance_from_rows(levels[half], image[half]) - hidden
         rest = np.clip((irradiance - added) / np.maximum(left, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
         for columns in self.blocks:
-            part = only or self._over(image, half, columns, gain)
+            part = self.block(columns, half)
+            linear = part.over(image, gain) if part is not None and shown else None
             scale_colors(image[half], rest, columns)
-            if part is not None and shown:
+            if part is not None and linear is not None:
                 window = image[part.rows, part.columns]
-                window += part.channel_weight * (part.linear - window)
+                linear -= window
+                linear *= part.channel_weight
+                window += linear
         reached = rest * left + added
         if shown and np.any(np.abs(reached - irradiance) > _IRRADIANCE_TOLERANCE * irradiance):
             scale_colors(image[half], irradiance / np.maximum(reached, EPSILON_IRRADIANCE))
@@ -120,11 +125,6 @@ class PhotoProjection:
     def _reaches(self, rows: slice) -> bool:
         """Whether it lies in some rows of the map."""
         return bool(max(self.rows.start, rows.start) < min(self.rows.stop, rows.stop))
-
-    def _over(self, image: Image, rows: slice, columns: slice, gain: float) -> ProjectedPhoto | None:
-        """`ProjectedPhoto.over` in some rows and columns of a map; None where it has no pixels there."""
-        block = self.block(columns, rows)
-        return None if block is None else block.over(image, gain)
 
     def block(self, columns: slice, rows: slice | None = None) -> ProjectedPhoto | None:
         """Its pixels in some columns of the map; None where it has none. Those of a small map are found once.
@@ -140,9 +140,15 @@ class PhotoProjection:
             return None
         if len(self.blocks) > 1:
             return self._pixels(slice(top, bottom), slice(left, right))
-        first, whole = (self.rows.start, self.columns.start), self.whole
-        part = slice(top - first[0], bottom - first[0]), slice(left - first[1], right - first[1])
-        return ProjectedPhoto(slice(top, bottom), slice(left, right), whole.linear[part], whole.weight[part])
+        return self._kept_part(top, bottom)
+
+    def _kept_part(self, top: int, bottom: int) -> ProjectedPhoto:
+        """Its pixels in some rows of a small map."""
+        if (top, bottom) not in self._parts:
+            part, whole = slice(top - self.rows.start, bottom - self.rows.start), self.whole
+            kept = ProjectedPhoto(slice(top, bottom), self.columns, whole.linear[part], whole.weight[part])
+            self._parts[top, bottom] = kept
+        return self._parts[top, bottom]
 
     def covered_share(self, rows: int) -> Image:
         """How much (R, 2R, 1) of each of a map's cells it covers.
@@ -162,6 +168,11 @@ class PhotoProjection:
         return weight
 
     @cached_property
+    def _parts(self) -> dict[tuple[int, int], ProjectedPhoto]:
+        """Of a small map: its first and last rows, and its pixels in them."""
+        return {}
+
+    @cached_property
     def whole(self) -> ProjectedPhoto:
         """All its pixels at once."""
         return self._pixels(self.rows, self.columns)
@@ -169,6 +180,13 @@ class PhotoProjection:
     def _pixels(self, rows: slice, columns: slice) -> ProjectedPhoto:
         x, y = _map_to_picture(self.camera, self.height, rows, columns)
         return ProjectedPhoto(rows, columns, _pixels_at(self.picture, x, y), _inner_weight(x, y))
+
+
+def _sum_product(weight: Image, image: Image) -> Floats:
+    """The sums (3,) of a weight (R, C, 3) times an image."""
+    shape = len(weight), -1
+    columns = np.einsum("rx,rx->x", weight.reshape(shape), image.reshape(shape))
+    return np.asarray(columns.reshape(-1, 3).sum(axis=0, dtype=np.float64))
 
 
 def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:

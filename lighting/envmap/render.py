@@ -52,7 +52,7 @@ from lighting.sky.clear_sky import (
 
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
 _TABLE_STEPS = 512  # of a row's table by that angle; values between its entries are interpolated
-_CHUNK_PIXELS = 1 << 17  # painted at once, few enough for the processor's cache
+_CHUNK_PIXELS = 1 << 14  # painted at once, few enough for the processor's cache
 _GLOW_STEPS, _PEAK_SHARE = 200, 0.9  # attempts to flatten a sun's glow, and what each leaves of its peak
 _MAX_PEAK = 500.0  # radiance of the brightest part of any sky over the irradiance of the ground
 _IRRADIANCE_ROWS = 128  # of the sky that is integrated to light the ground; accurate to 2e-4

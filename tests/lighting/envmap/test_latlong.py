@@ -178,9 +178,9 @@ def test_clipped_pixels_leave_the_brighter_map() -> None:
     seen = project_photo(stated_light(), np.full((60, 80, 3), 255, np.uint8), HEIGHT)
     whole = seen.whole
     inside = whole.weight > 0.5
-    assert whole.over(DARK + 5, 1.0).linear[inside] == pytest.approx(5.01)
-    assert whole.over(DARK, 1.0).linear[inside] == pytest.approx(1.0)
-    assert whole.over(DARK, 0.5).linear[inside] == pytest.approx(0.5)
+    assert whole.over(DARK + 5, 1.0)[inside] == pytest.approx(5.01)
+    assert whole.over(DARK, 1.0)[inside] == pytest.approx(1.0)
+    assert whole.over(DARK, 0.5)[inside] == pytest.approx(0.5)
 
 
 def test_a_half_of_it_may_hold_none() -> None:
