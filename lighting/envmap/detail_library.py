@@ -11,7 +11,7 @@ paving. Its sun counts too, so that shadows agree. Snow is for photos of snow al
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +104,22 @@ class _DetailLibrary:
     """(N,) of BACKDROPS."""
     cost: Floats
     """(N,) in squared logarithms, of what would be chosen too often."""
+
+    @cached_property
+    def shares(self) -> Floats:
+        """(N, 5) of `_class_shares`."""
+        everywhere = np.ones(self.features.shape[2:], np.bool_)
+        return np.stack(_class_shares(self.features, everywhere)[0], axis=-1)
+
+    @cached_property
+    def colors(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Of `_mean_colors`, each (N, ...)."""
+        return _mean_colors(self.features, np.ones(self.features.shape[2:], np.float32))
+
+    @cached_property
+    def clouds(self) -> Floats:
+        """(N,) of `_cloud_contrast`."""
+        return _cloud_contrast(self.features, np.ones(self.features.shape[2:], np.float32))[0]
 
     def read_picture(self, index: int) -> bytes:
         """Return a panorama's picture.
@@ -323,13 +339,12 @@ def choice_costs(
 
 def _around_cost(library: _DetailLibrary, target: Image, weight: Image) -> Floats:
     """What it costs (N,) that places have more or less of plants, buildings and water around than is expected."""
-    shares = np.stack(_class_shares(library.features, np.ones(library.features.shape[2:], np.bool_))[0], axis=-1)
     shown, known = _class_shares(target, weight[FEATURES.index("plants")] > 0)
     building, plants, water = map(float, shown[:3])
     if not known[-1]:  # what is high up, where no cell shows it
         shown[3] = shown[1]
     expected = np.array(_EXPECTED) @ [1.0, *map(float, shown)]
-    cost = np.asarray((shares - expected) ** 2 @ (np.array(_AROUND_WEIGHTS) * known))
+    cost = np.asarray((library.shares - expected) ** 2 @ (np.array(_AROUND_WEIGHTS) * known))
     dry = max(1.0 - 2 * building, 0.0)  # wet streets look like water
     wet = dry * float(np.interp(water, _WATER_SHARES, (0.0, 1.0)))
     built = float(np.interp(building, _TOWN_SHARES, (0.0, 1.0)))
@@ -346,13 +361,12 @@ def _around_cost(library: _DetailLibrary, target: Image, weight: Image) -> Float
 
 def _color_cost(library: _DetailLibrary, target: Image, weight: Image) -> Floats:
     """What it costs (N,) that ground and leaves have other colors than in the photo, and the sky other clouds."""
-    everywhere = np.ones(target.shape[1:], np.float32)
     seen = (weight[0] > 0).astype(np.float32) * (weight[FEATURES.index("plants")] > 0)
-    ground, _, leaves, wood = _mean_colors(library.features, everywhere)
+    ground, _, leaves, wood = library.colors
     own_ground, cells, own_leaves, own_wood = _mean_colors(target, seen)
     cost = (ground - own_ground) ** 2 @ np.array(_GROUND_WEIGHTS) * (cells / (cells + _FEW_CELLS))
-    (clouds, _), (own_clouds, open_cells) = _cloud_contrast(library.features, everywhere), _cloud_contrast(target, seen)
-    cost += _CLOUDS_WEIGHT * (clouds - own_clouds) ** 2 * (open_cells / (open_cells + _FEW_CELLS))
+    own_clouds, open_cells = _cloud_contrast(target, seen)
+    cost += _CLOUDS_WEIGHT * (library.clouds - own_clouds) ** 2 * (open_cells / (open_cells + _FEW_CELLS))
     return np.asarray(
         cost + _LEAVES_WEIGHT * (leaves - own_leaves) ** 2 * (own_wood / (own_wood + _FEW_CELLS)) * (wood > _FEW_CELLS)
     )
