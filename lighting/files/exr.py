@@ -53,6 +53,7 @@ _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
 
 _LAYOUT = frozenset({"compression", "type", "lineOrder", "channels"})  # attributes by which chunks lie otherwise
 _MAX_HALF = 65504.0  # the largest half float
+_MIN_NORMAL_HALF = 2.0**-14  # the least half float that has all its digits
 _MIN_ROW_MEAN = 2.0**-12  # of a row of half floats, beside which their steps of 2^-24 do not count
 _ROWS = 16  # that ZIP packs together, and that are worked on at once
 _THREADS = 4  # of OpenEXR, beyond which packing gets no faster
@@ -241,8 +242,8 @@ def _write_zip(stream: BinaryIO, header: _Attributes, pixels: Image) -> None:
 
 def _zip_rows(rows: Image, *, is_half: bool) -> bytes:
     """Rows (R, W, 3) as a chunk: B, G and R of each row; every other byte, then the rest; as differences; deflated."""
-    planes = rows[..., ::-1].transpose(0, 2, 1).astype(np.float16 if is_half else np.float32, order="C")
-    raw = planes.view(np.uint8).reshape(-1)
+    planes = np.ascontiguousarray(rows[..., ::-1].transpose(0, 2, 1))
+    raw = (_round_to_half(planes) if is_half else planes).view(np.uint8).reshape(-1)
     halves = raw.reshape(-1, 2).T.reshape(-1)
     differences = np.empty_like(halves)
     differences[0] = halves[0]
@@ -250,6 +251,20 @@ def _zip_rows(rows: Image, *, is_half: bool) -> bytes:
     differences[1:] += np.uint8(128)
     data = deflate(differences)
     return data if len(data) < raw.size else raw.tobytes()  # as readers tell by its length
+
+
+def _round_to_half(values: Image) -> NDArray[np.float16]:
+    """The nearest half floats, to even, of values (...) from 0 to 65504: of their bits, where none of them is tiny."""
+    if values.min() < _MIN_NORMAL_HALF:
+        return values.astype(np.float16)
+    bits = values.view(np.uint32)
+    rounded = bits >> np.uint32(13)
+    rounded &= np.uint32(1)
+    rounded += bits
+    rounded += np.uint32(0xFFF)  # just under half of a step; the bit before makes it half where that is even
+    rounded -= np.uint32(112 << 23)  # exponents of half floats count from 15, not from 127
+    rounded >>= np.uint32(13)
+    return rounded.astype(np.uint16).view(np.float16)
 
 
 def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:

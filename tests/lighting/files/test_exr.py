@@ -27,6 +27,7 @@ from lighting.files import FileOptions, encode_envmap, read_envmap
 from lighting.files.exr import (
     _SET_EFFORT,
     COMPRESSIONS,
+    _round_to_half,
     read_exr,
     read_exr_attributes,
     set_compression_threads,
@@ -702,3 +703,13 @@ def test_views_of_an_array_are_written_as_they_read(tmp_path: Path, rounded_map:
         for compression in ("zip", "none"):
             write_exr(tmp_path / f"{name}.exr", view, compression=compression)
             np.testing.assert_array_equal(read_exr(tmp_path / f"{name}.exr")[0], rounded_map)
+
+
+def test_half_floats_are_the_nearest_ones() -> None:
+    """Also half way between two of them, where the even one counts, and among the smallest."""
+    halves = np.arange(0, 0x7C00, dtype=np.uint16).view(np.float16).astype(np.float32)
+    between = ((halves[1:].astype(np.float64) + halves[:-1]) / 2).astype(np.float32)
+    beside = [np.nextafter(between, np.float32(end)) for end in (0, np.inf)]
+    for values in (halves, between, *beside):
+        for part in (values, values[values >= 2.0**-14]):
+            np.testing.assert_array_equal(_round_to_half(part), part.astype(np.float16))
