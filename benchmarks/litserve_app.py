@@ -13,7 +13,7 @@ from lighting.estimator import Estimator
 from lighting.map_options import MapOptions
 from lighting.model import Model, packaged_model
 from lighting.photo.reader import read_photo
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 
 HEIGHT = 512
 

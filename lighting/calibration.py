@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from lighting.geometry import Floats, focal_length, shrink_size
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 
 _Bytes = NDArray[np.uint8]
 

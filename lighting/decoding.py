@@ -10,17 +10,8 @@ import numpy as np
 from lighting.color import LUMINANCE_WEIGHTS
 from lighting.fields import clip_color, clip_to_range, round_significant
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.records import (
-    Color,
-    EvidenceKind,
-    Light,
-    Lighting,
-    Prediction,
-    SunCandidate,
-    SunDistribution,
-    SunEstimate,
-    visibility_attenuation,
-)
+from lighting.prediction import Light, Prediction, SunDistribution, SunEstimate
+from lighting.records import Color, EvidenceKind, Lighting, SunCandidate, visibility_attenuation
 from lighting.sky import PAINTED_SKY
 from lighting.sky.clear_sky import sun_radiance
 from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credible_radii, grid_directions, likeliest_suns

@@ -15,7 +15,8 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings,
 from lighting.map_options import MapKeywords, MapOptions
 from lighting.model import Model, model_or_packaged, preprocess
 from lighting.photo.reader import Photo, Source, check_photo, photo_from_array, read_photo
-from lighting.records import Lighting, Prediction, check_lighting
+from lighting.prediction import Prediction
+from lighting.records import Lighting, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
 
 if TYPE_CHECKING:

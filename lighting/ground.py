@@ -15,7 +15,8 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import round_significant
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
-from lighting.records import EstimatedLight, Lighting, Prediction
+from lighting.prediction import EstimatedLight, Prediction
+from lighting.records import Lighting
 from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, photo_segments, pixel_share
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights

@@ -18,7 +18,8 @@ from lighting.checksum import DATA_FOLDER
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import fit_in_box
 from lighting.onnx_session import create_session, describe_onnx_error, packaged_network, weights_path
-from lighting.records import SURROUNDINGS_SHAPE, Light, ModelSpec, Prediction
+from lighting.prediction import Light, ModelSpec, Prediction
+from lighting.records import SURROUNDINGS_SHAPE
 from lighting.segmentation import CELL_PIXELS, SurfaceClass
 from lighting.sun_grid import grid_directions
 

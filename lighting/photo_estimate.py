@@ -22,7 +22,8 @@ from lighting.fields import RANGES, check_range, describe_fields, format_azimuth
 from lighting.files import DEFAULT_FILE, FileOptions
 from lighting.map_options import DEFAULT_MAP, Adjustments, Around, MapKeywords, MapOptions
 from lighting.photo.reader import Photo
-from lighting.records import Color, EstimatedLight, Lighting, check_lighting
+from lighting.prediction import EstimatedLight
+from lighting.records import Color, Lighting, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
 from lighting.tracing import trace_step
 

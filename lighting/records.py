@@ -1,21 +1,17 @@
-"""The records that travel through the pipeline: ModelSpec, Prediction, Lighting, EstimatedLight; JSON in and out."""
+"""The record of a photo's light, `Lighting`, and that of its light probe; to and from objects of JSON."""
 
-import json
 import math
 import reprlib
-import sys
-from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lighting.errors import ErrorCode, ModelError, ParameterError
+from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import (
     COLOR_RANGES,
     PLAIN_RANGES,
@@ -33,8 +29,6 @@ from lighting.fields import (
 )
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
-from lighting.sky.clear_sky import sky_coefficients
-from lighting.sun_grid import bayes_direction
 
 Json = dict[str, Any]  # an object of JSON, as it is read or written
 Color = tuple[float, float, float]  # linear Rec.709
@@ -44,12 +38,10 @@ MIN_SUITABLE = 0.5  # `suitable` below it earns a warning
 _MIN_SURE_VISIBILITY = 0.8  # from which the sun has its full irradiance
 _VISIBILITY_EXPONENT = 5.0  # of the fall below it, by panoramas of `train` that the networks asked never saw
 SURE_RADIUS = 45.0  # deg, largest `radius_90` of a sure answer; `export evaluate` prints what such answers are worth
-MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
 SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
 _SPOT = {"spot_pixel": (2, 0.0, 1e6), "spot_direction": (3, -1.0, 1.0)}  # how many numbers, and their range
 MIN_SPOT_DESCENT = 1e-3  # sine of the angle below the horizon at which an object may stand
-_LARGEST = sys.float_info.max
 _UNIT_TOLERANCE = 1e-3  # of a unit vector's length
 
 
@@ -66,182 +58,6 @@ class EvidenceKind(StrEnum):
     CAMERA_EXPOSURE = "camera exposure"
     TURNS = "turns"
     OTHER_PHOTOS = "other photos"
-
-
-class WarningCode(StrEnum):
-    """What a warning is about, for programs: stable, unlike its sentence."""
-
-    ELEVATION_CONTRADICTED = "elevation-contradicted"
-    """The pixels contradict the sun's elevation by time and place."""
-    HEADING_CONTRADICTED = "heading-contradicted"
-    """The pixels contradict the camera's heading."""
-    LENS_CONTRADICTED = "lens-contradicted"
-    """The pixels contradict the file's lens."""
-    GRAVITY_CONTRADICTED = "gravity-contradicted"
-    """The pixels contradict the file's gravity, which is not used."""
-    SHADOW_CONTRADICTED = "shadow-contradicted"
-    """The pixels contradict a shadow that the user marked."""
-    CLOCK_CONTRADICTED = "clock-contradicted"
-    """GPS contradicts the camera's clock, or no clock shows such a time."""
-    OFFSET_REPLACED = "offset-replaced"
-    """The user's offset from UTC replaces the file's."""
-    BORDER = "border"
-    """The photo has a border, without which it counts."""
-    COLLAGE = "collage"
-    """The picture is made of several photos."""
-    CURVE = "curve"
-    """The clip is in a camera's logarithm, or looks as if it were."""
-    OVERLAY = "overlay"
-    """Lettering stands still in the clip's picture."""
-    THERMAL = "thermal"
-    """The picture is of a thermal camera."""
-    PANORAMA = "panorama"
-    """By its file, the picture is a panorama."""
-    LENS_OPEN = "lens-open"
-    """The file's lens was cropped: the pixels chose it, or it was not used."""
-    LOCATION_OPEN = "location-open"
-    """The file states no hemisphere: the zone chose it, or the place was not used."""
-    TURN_INFERRED = "turn-inferred"
-    """The photos have nothing in common that says how they are turned."""
-    OTHER = "other"
-    """Any other warning."""
-
-
-class CodedWarning(str):
-    """A warning's sentence with its code; everywhere else, in JSON too, it is a text like any other."""
-
-    code: WarningCode
-
-    def __new__(cls, sentence: str, code: WarningCode = WarningCode.OTHER) -> Self:
-        """Make one of a sentence and its code."""
-        made = super().__new__(cls, sentence)
-        made.code = code
-        return made
-
-
-def warning_code(warning: str) -> WarningCode:
-    """Return the code of a warning.
-
-    Args:
-        warning: a sentence; a plain text, as one in a record that was read, has the code OTHER.
-    """
-    return warning.code if isinstance(warning, CodedWarning) else WarningCode.OTHER
-
-
-@dataclass(frozen=True)
-class ModelSpec:
-    """A network's input, output layout and licence; stored as JSON in the ONNX file's metadata."""
-
-    name: str
-    """Name of the network."""
-    version: str
-    """Version of the network, such as 4.0.0."""
-    width: int
-    """Columns of the input, pixels, 1 or more."""
-    height: int
-    """Rows of the input, pixels, 1 or more."""
-    mean: tuple[float, float, float]
-    """RGB of sRGB values, 0 to 1, that becomes 0; it also fills the canvas around the photo."""
-    std: tuple[float, float, float]
-    """RGB over 0, by which sRGB values of 0 to 1, less the mean, are divided."""
-    sun_grid: str
-    """Name of the grid of directions, see `sun_grid`."""
-    licence: str = "Apache-2.0"
-    """SPDX name of the weights' licence."""
-    training_data: str = ""
-    """What the network was trained on, in a sentence."""
-
-    def __post_init__(self) -> None:
-        for name in ("name", "version", "sun_grid", "licence", "training_data"):
-            _check_spec(name, isinstance(getattr(self, name), str))
-        for name in ("width", "height"):
-            _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
-        for name in ("mean", "std"):
-            _check_spec(name, len(getattr(self, name)) == 3 and all(map(_is_finite, getattr(self, name))))
-        _check_spec("std", min(self.std) > 0)
-
-    def to_json(self) -> str:
-        """Write the spec as one line of JSON."""
-        return json.dumps({f.name: getattr(self, f.name) for f in fields(self)})
-
-    @classmethod
-    def from_json(cls, text: str) -> "ModelSpec":
-        """Read the spec that `to_json` wrote.
-
-        Args:
-            text: JSON.
-
-        Raises:
-            ModelError: it is of another layout.
-        """
-        try:
-            values = json.loads(text)
-            return cls(**{**values, "mean": tuple(values["mean"]), "std": tuple(values["std"])})
-        except (ValueError, TypeError, KeyError) as error:
-            raise ModelError(f"The model's metadata does not describe its input: {error}.") from error
-
-
-@dataclass(frozen=True, eq=False)
-class Light:
-    """What a network says of the light's strength; in the photo's linear units (sRGB decoded, 1 = white)."""
-
-    sun_irradiance: Floats
-    """(3,) RGB, 0 or more, of a surface that faces the sun, in the photo's linear units."""
-    sky_irradiance: Floats
-    """(3,) RGB, 0 or more, of level ground by the sky without the sun, in the same units."""
-    cover: float
-    """0 to 1: clear to overcast."""
-    suitable: float
-    """Probability, 0 to 1, that this is an ordinary photo of outdoors by daylight."""
-    surroundings: NDArray[np.float32] | None = None
-    """(12, 24, 3) RGB, 0 or more: radiance all around, without the sun, zenith first. None: not said."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """The network's output for one photo; units as in RANGES, values not yet clipped to them."""
-
-    spec: ModelSpec
-    """The network that said it."""
-    sun_probability: NDArray[np.float32]
-    """(N,) of the cells of the network's sun grid, 0 to 1; sums to 1."""
-    sun_visibility: float
-    """Probability, about 0 to 1, that direct sunlight reaches the scene."""
-    turbidity: float
-    """Linke's turbidity, about 1 to 10."""
-    exposure: float
-    """Factor over 0: the clear sky's radiance times it is the photo's linear values."""
-    camera_elevation: float
-    """Deg, about -90 to 90: positive looks up."""
-    camera_roll: float
-    """Deg, about -180 to 180: positive turns the camera clockwise."""
-    vertical_fov: float
-    """Deg, about 1 to 170, of the upright photo."""
-    light: Light | None = None
-    """How strong the light is. None: the network says nothing of it."""
-    segments: NDArray[np.float32] | None = None
-    """(R, C, K) probabilities, 0 to 1, what the canvas shows, by `segmentation.SurfaceClass`. None: not predicted."""
-
-    @cached_property
-    def sun_direction(self) -> Floats:
-        """Unit vector (3,) towards the sun by the pixels alone, in the frame of geometry.py; read-only."""
-        vector = bayes_direction(self.sun_probability, self.spec.sun_grid)
-        vector.flags.writeable = False
-        return vector
-
-
-@dataclass(frozen=True)
-class SunEstimate:
-    """The sun's direction and radii by a distribution; units as in RANGES."""
-
-    azimuth: float
-    """Deg, -180 to 180: 0 = where the camera points, positive to the right."""
-    elevation: float
-    """Deg above the horizon, -4.2 to 90."""
-    radius_50: float
-    """Deg, 0 to 180: the cone around the direction that holds half of the probability."""
-    radius_90: float
-    """Deg, 0 to 180: the cone that holds nine tenths."""
 
 
 @dataclass(frozen=True)
@@ -566,67 +382,7 @@ class LightProbe:
         return {"coefficients": [round_all(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
 
 
-@dataclass(frozen=True, eq=False)
-class SunDistribution:
-    """Where the sun may be: a probability for each cell of a grid over the upper hemisphere."""
-
-    grid: str
-    """Name of the grid of directions, see `sun_grid`."""
-    probability: NDArray[np.float32] = field(repr=False)
-    """(N,) of the grid's cells, 0 to 1; sums to 1."""
-
-
-@dataclass(frozen=True, eq=False)
-class EstimatedLight:
-    """The answer about one photo: its light, and where else the sun may be."""
-
-    lighting: Lighting
-    """The light and the camera."""
-    distribution: SunDistribution
-    """Where the sun may be, with all evidence counted."""
-    surroundings: NDArray[np.float32] | None = field(default=None, repr=False)
-    """(12, 24, 3) RGB, 0 or more: radiance all around as the network predicts it, zenith first. None: not predicted."""
-    segments: NDArray[np.float32] | None = field(default=None, repr=False)
-    """(R, C, K) probabilities, 0 to 1, of what the photo shows, by `segmentation.SurfaceClass`. None: not sought."""
-
-    @property
-    def evidence(self) -> tuple[str, ...]:
-        """What the answer rests on: values of EvidenceKind."""
-        return self.lighting.evidence
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences for people, above all about evidence that contradicts the pixels."""
-        return self.lighting.warnings
-
-
-describe_fields(
-    ModelSpec,
-    Light,
-    Prediction,
-    SunEstimate,
-    SunCandidate,
-    Lighting,
-    MainLight,
-    LightProbe,
-    SunDistribution,
-    EstimatedLight,
-)
-
-
-def check_estimate(thing: object) -> None:
-    """Raise ParameterError for what is no Estimate.
-
-    Args:
-        thing: what a caller passed as one.
-    """
-    if not isinstance(thing, EstimatedLight):
-        sentence = f"An Estimate is needed, not {type(thing).__name__}; an Estimator makes one of a photo."
-        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and -_LARGEST <= value <= _LARGEST
+describe_fields(SunCandidate, Lighting, MainLight, LightProbe)
 
 
 def _is_within(value: object, low: float, high: float) -> bool:
@@ -676,79 +432,3 @@ def _evidence_kind(word: str) -> str:
         predicate = f"has an unknown word {reprlib.repr(str(word))}; it may hold {known}."
         raise ParameterError.about("evidence", predicate, ErrorCode.UNKNOWN)
     return str(word)
-
-
-def _check_spec(name: str, fits: bool) -> None:
-    if not fits:
-        raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
-
-
-def record_with_coefficients(lighting: Lighting, probe: LightProbe | None = None) -> Json:
-    """Return the JSON record with `sky.coefficients`, for programs that draw the sky themselves, and `light_probe`.
-
-    Args:
-        lighting: any.
-        probe: of the light and, where it is known, of the place; None: without `light_probe`.
-    """
-    record = lighting.to_dict()
-    coefficients = sky_coefficients(max(lighting.sun_elevation, 0.0), lighting.turbidity, lighting.ground_albedo)
-    extra = {} if probe is None else {"light_probe": probe.to_dict()}
-    return record | {"sky": record["sky"] | {"coefficients": coefficients}} | extra
-
-
-def json_line(
-    name: str,
-    answer: Lighting | str,
-    probe: LightProbe | None = None,
-    outputs: Mapping[str, str] = {},
-    *,
-    crop: Mapping[str, int] | None = None,
-) -> str:
-    """Return one line of JSON about a photo: its `lighting` record and `crop`, or the `error` in place of them.
-
-    Args:
-        name: of the photo's file.
-        answer: the photo's light, or the sentence that says why it has none.
-        probe: for `light_probe` of the record; None: without.
-        outputs: names of files that were made of it, such as `output`.
-        crop: the fields of the photo's `PhotoCrop`; None where the whole picture is the photo.
-    """
-    content: Json = {"error": answer}
-    if not isinstance(answer, str):
-        content = {"lighting": record_with_coefficients(answer, probe), **({"crop": dict(crop)} if crop else {})}
-    return json.dumps({"file": name, **outputs, **content}, allow_nan=False)
-
-
-def reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> Json:
-    """Make an object of JSON, as `object_pairs_hook` of `json.loads`.
-
-    Args:
-        pairs: keys and values.
-
-    Raises:
-        ParameterError: a key is given twice.
-    """
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        often = Counter(key for key, _ in pairs).most_common(1)[0][0]
-        raise ParameterError(f"The key {often!r} is given twice.", often, ErrorCode.DUPLICATE)
-    return content
-
-
-def unwrap_record(content: Any) -> Any:
-    """Take the record out of JSON that was read, bare or in a line that `json_line` made; other JSON stays as it is.
-
-    Args:
-        content: what `json.loads` returned.
-
-    Raises:
-        ParameterError: it holds an error, or the records of several photos.
-    """
-    if not isinstance(content, dict):
-        return content
-    if "error" in content:
-        raise ParameterError("The JSON holds an error in place of a lighting record.", "error", ErrorCode.MISSING)
-    if "lightings" in content:
-        sentence = "The JSON holds the records of several photos, and one is read at a time."
-        raise ParameterError(sentence, "lightings", ErrorCode.CONTRADICTION)
-    return content.get("lighting", content)

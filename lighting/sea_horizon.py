@@ -14,7 +14,7 @@ from PIL import Image
 
 from lighting.calibration import LINES_SIDE
 from lighting.geometry import Floats, focal_length, shrink_size
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from lighting.segmentation import Segments, SurfaceClass, pixel_share
 
 _CELLS = 18  # of the segments along a picture's height; the line lies within two of where they see it

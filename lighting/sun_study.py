@@ -23,11 +23,13 @@ from lighting.fusion.time_zones import offset_at
 from lighting.geometry import wrap_azimuth
 from lighting.map_options import DEFAULT_MAP, MapOptions
 from lighting.photo_estimate import Estimate
-from lighting.records import CodedWarning, Lighting, json_line
+from lighting.record_json import json_line
+from lighting.records import Lighting
 from lighting.scene.records import SunPath
 from lighting.scene.usd import DAY_STAGE, animate_usd_sun
 from lighting.scene.writer import write_scene
 from lighting.solar_position import sun_position
+from lighting.warning_codes import CodedWarning
 
 RECORDS, STAGE_FOLDER = "lighting.jsonl", "usd"
 STEP_RANGE = (5.0, 360.0)  # minutes between two maps

@@ -20,8 +20,10 @@ from lighting.files import FileOptions
 from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop
-from lighting.records import LightProbe, MainLight, SunDistribution, WarningCode
+from lighting.prediction import SunDistribution
+from lighting.records import LightProbe, MainLight
 from lighting.scene.records import Scene
+from lighting.warning_codes import WarningCode
 from scripts.markdown import WRITTEN, escape_marks, link_terms, write_table
 from scripts.reference_http import write_http
 from scripts.reference_python import write_python
@@ -190,7 +192,7 @@ sentence. In programs read `error.code` and `error.field`: what is wrong, and wi
     warned = [
         "## Codes of warnings",
         "",
-        "`lighting.records.warning_code(warning)` tells it of each of `estimate.warnings`.",
+        "`lighting.warning_codes.warning_code(warning)` tells it of each of `estimate.warnings`.",
         "",
     ]
     return "\n".join([head, *table, *codes, *warned, *_members(WarningCode)])

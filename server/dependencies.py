@@ -28,9 +28,11 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, PhotoCrop
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.photo_estimate import Estimate
-from lighting.records import CodedWarning, EstimatedLight, Lighting, LightProbe, WarningCode
+from lighting.prediction import EstimatedLight
+from lighting.records import Lighting, LightProbe
 from lighting.registration import features, photo_set
 from lighting.tracing import trace_step
+from lighting.warning_codes import CodedWarning, WarningCode
 from server import problems
 from server.job_store import JobStore
 from server.jobs import JobRunner

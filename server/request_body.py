@@ -20,7 +20,8 @@ from starlette.formparsers import MultiPartException, MultiPartParser
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import record_path
 from lighting.photo.formats import HEAD_BYTES, begins_as_photo
-from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
+from lighting.record_json import MAX_RECORD_BYTES, reject_duplicate_keys, unwrap_record
+from lighting.records import Lighting
 from server import problems
 from server.limits import PLACE_BYTES, ArrivingBody, client_of_request
 from server.problems import FORM_PARAMETERS, InvalidField, ProblemError

@@ -13,9 +13,12 @@ from lighting.envmap.latlong import Image
 from lighting.fields import COLOR_RANGES, round_all
 from lighting.geometry import angles
 from lighting.photo.metadata import PhotoMetadata
-from lighting.records import Json, Lighting, SunDistribution, record_with_coefficients, warning_code
+from lighting.prediction import SunDistribution
+from lighting.record_json import record_with_coefficients
+from lighting.records import Json, Lighting
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
+from lighting.warning_codes import warning_code
 from server.dependencies import PhotoAnswer, tag_bytes
 from server.problems import route_path
 from server.query_params import LightingQuery

@@ -16,7 +16,9 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from lighting.files import MAP_FORMATS
 from lighting.model import METRICS
-from lighting.records import Json, Lighting, ModelSpec, record_with_coefficients
+from lighting.prediction import ModelSpec
+from lighting.record_json import record_with_coefficients
+from lighting.records import Json, Lighting
 from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS

@@ -17,7 +17,7 @@ from onnx import GraphProto, NodeProto, TensorProto, helper, numpy_helper
 from PIL import ExifTags, Image
 
 from benchmarks.common import register_heif_writer
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions
 from tests.helpers import requirements
 

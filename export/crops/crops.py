@@ -36,7 +36,7 @@ from lighting.geometry import (
     wrap_azimuth,
 )
 from lighting.model import fit_size
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 
 MAX_HORIZONTAL_FOV = 106.0  # deg, about that of a phone's ultra-wide lens
 PHONE_ASPECTS = (9 / 16, 2 / 3, 3 / 4, 1.0, 4 / 3, 3 / 2, 16 / 9)

@@ -16,7 +16,7 @@ from export.data.panoramas import DataError, decode_srgb, is_permissive, read_in
 from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.model import fit_size
 from lighting.photo.reader import read_photo
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions
 
 PHOTOS = "photos_train.csv"

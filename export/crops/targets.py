@@ -19,7 +19,8 @@ from export.crops.crops import NOT_STRETCHED, Camera, Crop, Source, Stretch, res
 from export.data.panoramas import linearize
 from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, sample_latlong
-from lighting.records import Lighting, ModelSpec
+from lighting.prediction import ModelSpec
+from lighting.records import Lighting
 
 _SUN_RADIUS = 4.0  # deg around an unclipped sun that belong to it
 _GLARE = (6.0, 10.0)  # deg around it, whose mean is taken for the sky behind the sun

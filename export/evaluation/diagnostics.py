@@ -45,7 +45,7 @@ from lighting.color import tone_map
 from lighting.decoding import sun_from_prediction
 from lighting.files import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle, temper
 
 RELIABILITY_FILE = "reliability.png"

@@ -41,7 +41,8 @@ from lighting.geometry import (
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array
-from lighting.records import EstimatedLight, Lighting, ModelSpec
+from lighting.prediction import EstimatedLight, ModelSpec
+from lighting.records import Lighting
 
 # What light is in an HDR panorama: its sun, its sky and its ground as a crop's exposure has them.
 

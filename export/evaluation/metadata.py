@@ -23,8 +23,10 @@ from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.photo.camera import TILT_STD
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
-from lighting.records import EvidenceKind, Prediction, WarningCode, warning_code
+from lighting.prediction import Prediction
+from lighting.records import EvidenceKind
 from lighting.solar_position import sun_position
+from lighting.warning_codes import WarningCode, warning_code
 
 LOCAL_TIME = "local time+place"  # a part of what is known: a time without its zone
 LATITUDES = (-55.0, 65.0)  # deg, where people live

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.records import SunEstimate
+from lighting.prediction import SunEstimate
 
 # What is true of a set of crops, and what a method says about them, as arrays; angles in deg.
 

@@ -21,7 +21,8 @@ from lighting.fusion.multi_view import elevation_density, fuse_views, pooling_ex
 from lighting.fusion.single_view import Observations, Posterior
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.records import EvidenceKind, Prediction, SunEstimate
+from lighting.prediction import Prediction, SunEstimate
+from lighting.records import EvidenceKind
 from lighting.sun_grid import HEADINGS, grid_directions, smooth_density
 
 SIZES = (2, 4, 8)  # views; one panorama has 8 crops

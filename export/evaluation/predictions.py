@@ -25,7 +25,7 @@ from lighting.fusion.estimate import refine_camera
 from lighting.geometry import Floats, camera_directions
 from lighting.model import Model, pad_to_input
 from lighting.photo.reader import TARGET
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from lighting.sun_grid import nearest_cell_density
 
 View = tuple[Source, Camera]

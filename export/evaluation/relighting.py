@@ -32,7 +32,8 @@ from lighting.files import atomic_write
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, ray_sphere
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
-from lighting.records import Lighting, ModelSpec
+from lighting.prediction import ModelSpec
+from lighting.records import Lighting
 
 # The scene: its points, and the matrix that lights them.
 

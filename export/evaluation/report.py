@@ -40,7 +40,7 @@ from lighting.estimator import Estimator
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from lighting.sun_grid import weighted_median
 
 CONSTANT = "constant direction"

@@ -7,7 +7,8 @@ import numpy as np
 from export.evaluation.metrics import Bools, figures_table, percentage
 from lighting.decoding import candidate_suns, lighting_from_prediction
 from lighting.geometry import Floats, angle_between, direction
-from lighting.records import Lighting, Prediction, SunDistribution, Trust
+from lighting.prediction import Prediction, SunDistribution
+from lighting.records import Lighting, Trust
 from lighting.sun_grid import grid_directions
 
 _NEAR, _FAR = 22.5, 45.0  # deg, errors that are small, and that are no gross ones

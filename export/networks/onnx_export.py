@@ -42,7 +42,7 @@ from lighting.errors import ModelError
 from lighting.geometry import angles
 from lighting.model import OUTPUTS, Model
 from lighting.onnx_session import weights_path
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions
 
 MIN_BYTES = 40_000  # elements of a tensor that is stored as bytes with scales

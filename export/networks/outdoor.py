@@ -20,7 +20,7 @@ from export.crops.targets import CELLS
 from export.data.panoramas import DataError
 from export.networks.backbone import Backbone, NetworkOutput, conv_batch_norm, load_imagenet
 from lighting.model import PARAMETERS
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions
 
 ROLL_SCALE = 5.0  # deg that one raw value of the roll stands for

@@ -24,7 +24,7 @@ from export.networks.vision_transformer import (
     load_wheel,
 )
 from lighting.model import PARAMETERS
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions
 
 DEPTH = 9  # blocks; features that were never trained further for the sun are best in the sixth

@@ -18,7 +18,8 @@ from export.networks.outdoor import build_network, load_weights
 from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.vision_transformer import WHEEL
 from lighting.files import atomic_write
-from lighting.records import Json, ModelSpec
+from lighting.prediction import ModelSpec
+from lighting.records import Json
 
 RUN_RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
 CHECKPOINT = "checkpoint.pt"

@@ -22,7 +22,7 @@ from lighting.fusion.single_view import Observations, Posterior
 from lighting.geometry import Floats, angle_between, angles, camera_directions, direction, sample_latlong, wrap_azimuth
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from lighting.registration.features import Features, detect_features, match_features
 from lighting.registration.photo_set import RegisteredView, ViewFeatures, register_views
 from lighting.registration.rotations import camera_from_world

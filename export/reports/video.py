@@ -29,7 +29,7 @@ from lighting.geometry import (
     zoomed_fov,
 )
 from lighting.model import Model
-from lighting.records import SunEstimate
+from lighting.prediction import SunEstimate
 from lighting.video.decode import Frame
 from lighting.video.intrinsics import smooth_parabolic
 from lighting.video.observation import NETWORK_INTERVAL, FrameObservation, ShotLight, estimate_frame, observe_shots

@@ -48,7 +48,7 @@ from lighting.color import tone_map
 from lighting.files import atomic_write
 from lighting.geometry import Floats
 from lighting.model import pad_to_input
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions, soft_label
 
 PATH_SETTINGS = ("data", "labels", "start", "synthetic", "teachers")  # however the paths are written

@@ -60,7 +60,8 @@ from export.training.dataset import (
     training_photos,
 )
 from lighting.files import atomic_write, stale_temporaries
-from lighting.records import Json, ModelSpec
+from lighting.prediction import ModelSpec
+from lighting.records import Json
 
 # What training minimizes.
 

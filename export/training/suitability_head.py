@@ -31,7 +31,7 @@ from lighting.files import atomic_write
 from lighting.geometry import Floats
 from lighting.model import fit_size, pad_to_input, resize_to_input
 from lighting.photo.reader import read_photo
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 
 # Pictures that the estimate is not for: those of `unsuitable.csv`, and synthetic ones.
 

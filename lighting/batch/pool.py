@@ -27,7 +27,7 @@ from lighting.batch import job as jobs
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE, Journal, check_table, has_lights, open_journal
 from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files import atomic_write, escape_undecodable, is_own_map, stale_temporaries
-from lighting.records import json_line
+from lighting.record_json import json_line
 from lighting.runtime import ONE_BLAS_THREAD, ONE_THREAD
 from lighting.tracing import Step, listen_to_steps, report_step
 

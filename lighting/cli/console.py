@@ -101,7 +101,7 @@ def format_record(
         probe: of the light; None: without.
         crop: the photo's part of the picture; None where it has no border.
     """
-    from lighting.records import json_line
+    from lighting.record_json import json_line
 
     files = {key: escape_undecodable(file) for key, file in outputs.items()}
     return json_line(escape_undecodable(name), lighting, probe, files, crop=asdict(crop) if crop else None)
@@ -114,7 +114,7 @@ def format_json_error(name: str, error: Exception) -> str:
         name: of the file.
         error: the reason.
     """
-    from lighting.records import json_line
+    from lighting.record_json import json_line
 
     return json_line(escape_undecodable(name), escape_undecodable(describe_error(error)))
 
@@ -381,7 +381,7 @@ def read_lighting(name: str) -> "Lighting":
     Raises:
         ParameterError: it holds no such record; the sentence names the file.
     """
-    from lighting.records import MAX_RECORD_BYTES
+    from lighting.record_json import MAX_RECORD_BYTES
 
     with _open_input(name) as stream:
         return parse_lighting(stream.read(MAX_RECORD_BYTES + 1), name)
@@ -394,7 +394,8 @@ def parse_lighting(data: bytes, name: str) -> "Lighting":
         data: what the file holds.
         name: of the file, for errors.
     """
-    from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
+    from lighting.record_json import MAX_RECORD_BYTES, reject_duplicate_keys, unwrap_record
+    from lighting.records import Lighting
 
     if sentence := _describe_other_file(data, name):
         raise ParameterError(sentence, code=ErrorCode.UNREADABLE)

@@ -77,7 +77,7 @@ def _describe_lighting(lighting: "Lighting") -> "Json":
 def _record_with_probe(lighting: "Lighting") -> "Json":
     """The record with the light probe of its sky and ground."""
     from lighting.light_probe import compute_light_probe
-    from lighting.records import record_with_coefficients
+    from lighting.record_json import record_with_coefficients
 
     return record_with_coefficients(lighting, compute_light_probe(lighting))
 

@@ -133,7 +133,7 @@ def _how_to_open(folder: str, options: "Json") -> str | None:
 def _result_record(clip: str, folder: Path, result: "VideoResult") -> "Json":
     """What became of a clip, for JSON: a light or the reason for each shot; lighting.jsonl has the frames."""
     from lighting.light_probe import compute_light_probe
-    from lighting.records import record_with_coefficients
+    from lighting.record_json import record_with_coefficients
     from lighting.video.shot import Shot, shot_lighting
 
     def describe(light: "Lighting") -> "Json":

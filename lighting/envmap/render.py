@@ -41,14 +41,7 @@ from lighting.geometry import (
 from lighting.map_options import check_height
 from lighting.records import GROUND_REFLECTANCE, Lighting, check_lighting
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, Weather, sky_shape
-from lighting.sky.clear_sky import (
-    LUX,
-    sky_gradation,
-    sky_lobe,
-    sky_parameters,
-    sun_disc_points,
-    sun_disc_radiance,
-)
+from lighting.sky.clear_sky import LUX, sky_gradation, sky_lobe, sky_parameters, sun_disc_points, sun_disc_radiance
 
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
 _TABLE_STEPS = 512  # of a row's table by that angle; values between its entries are interpolated

@@ -17,12 +17,7 @@ import lighting.envmap.detail_library as detail_library
 import lighting.envmap.latlong as latlong
 from lighting.color import LUMINANCE_WEIGHTS, check_pixels
 from lighting.envmap.detail import MIN_ROWS, add_detail
-from lighting.envmap.latlong import (
-    EPSILON_IRRADIANCE,
-    Image,
-    irradiance_from_rows,
-    multiply_cells,
-)
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells
 from lighting.envmap.projection import CLIPPED, project_photo, sample_cells
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.errors import ErrorCode, ParameterError

@@ -33,7 +33,8 @@ from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, warn
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.files import atomic_write
 from lighting.files.deflate import deflate, limit_packing_threads, pack_in_threads
-from lighting.records import Lighting, check_lighting, record_with_coefficients
+from lighting.record_json import record_with_coefficients
+from lighting.records import Lighting, check_lighting
 from lighting.runtime import available_cpus
 from lighting.version import __version__
 

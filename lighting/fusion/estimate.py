@@ -42,19 +42,12 @@ from lighting.ground import describe_ground
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.picture_checks import is_blank, is_false_color, is_panorama
 from lighting.photo.reader import Photo
-from lighting.records import (
-    MIN_SUITABLE,
-    CodedWarning,
-    Color,
-    EstimatedLight,
-    EvidenceKind,
-    Lighting,
-    Prediction,
-    WarningCode,
-)
+from lighting.prediction import EstimatedLight, Prediction
+from lighting.records import MIN_SUITABLE, Color, EvidenceKind, Lighting
 from lighting.sea_horizon import level_by_sea
 from lighting.segmentation import photo_segments
 from lighting.sun_grid import temper
+from lighting.warning_codes import CodedWarning, WarningCode
 
 _UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
 _THERMAL = "Probably a picture of a thermal camera, which shows temperatures: do not trust this result."

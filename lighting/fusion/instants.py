@@ -15,7 +15,7 @@ from lighting.fusion.time_zones import ZONE_OF_PLACE, clock_offsets, offset_at, 
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import MAX_CLOCK_DIFFERENCE, nearest_utc_offset, to_utc
 from lighting.photo.metadata import PhotoMetadata
-from lighting.records import CodedWarning, WarningCode
+from lighting.warning_codes import CodedWarning, WarningCode
 
 USER = "user"  # where an instant comes from, as the record says it; ZONE_OF_PLACE and OFFSET_RULES have the others
 GPS = "GPS"

@@ -27,7 +27,8 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.fusion.single_view import Observations, Posterior, posterior_on_grid, posterior_on_rings
 from lighting.fusion.user_input import check_headings
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.records import CodedWarning, EvidenceKind, Light, Prediction, SunEstimate, WarningCode
+from lighting.prediction import Light, Prediction, SunEstimate
+from lighting.records import EvidenceKind
 from lighting.sun_grid import (
     HEADINGS,
     Heading,
@@ -39,6 +40,7 @@ from lighting.sun_grid import (
     smooth_density,
     von_mises,
 )
+from lighting.warning_codes import CodedWarning, WarningCode
 
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView

@@ -24,7 +24,8 @@ from lighting.fusion.drawn_camera import DrawnCamera, fit_camera
 from lighting.fusion.shadows import OwnShadow, ShadowMark, fuse_shadows, implied_azimuth
 from lighting.fusion.visible_sun import reproject_sun, tilt_by_sun, visible_sun
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
-from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode
+from lighting.prediction import Prediction, SunDistribution, SunEstimate
+from lighting.records import EvidenceKind
 from lighting.sun_grid import (
     HEADINGS,
     Heading,
@@ -35,6 +36,7 @@ from lighting.sun_grid import (
     splat_to_grid,
     von_mises,
 )
+from lighting.warning_codes import CodedWarning, WarningCode
 
 COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median
 COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that say nothing: the uniform part of the prior

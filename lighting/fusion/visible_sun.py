@@ -14,7 +14,7 @@ import lighting.geometry as geometry
 from lighting.color import luminance
 from lighting.fields import RANGES
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
-from lighting.records import Prediction, SunEstimate
+from lighting.prediction import Prediction, SunEstimate
 from lighting.sun_grid import bayes_direction, grid_directions, soft_label, splat_to_grid
 
 _SUN_PIXEL_STD = 2.0  # deg, of the visible sun's pixel: the network predicts its cell, 16 of 224 pixels

@@ -33,7 +33,7 @@ from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, upright_pixels
 from lighting.photo.tags import read_sidecar, read_tags
-from lighting.records import CodedWarning, WarningCode
+from lighting.warning_codes import CodedWarning, WarningCode
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 

@@ -47,8 +47,9 @@ from lighting.photo.reader import (
     read_photo,
 )
 from lighting.photo.tags import read_sidecar
-from lighting.records import CodedWarning, Json, WarningCode, warning_code
+from lighting.records import Json
 from lighting.tracing import trace_step
+from lighting.warning_codes import CodedWarning, WarningCode, warning_code
 
 if TYPE_CHECKING:
     from subprocess import Popen

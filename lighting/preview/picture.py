@@ -14,6 +14,7 @@ from lighting.fields import format_azimuth, format_side, format_sun_elevation, f
 from lighting.files.exr import check_envmap
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
+from lighting.prediction import EstimatedLight, SunDistribution, check_estimate
 from lighting.preview import drawing
 from lighting.preview.drawing import (
     BACKGROUND,
@@ -37,16 +38,7 @@ from lighting.preview.spheres import (
     render_sphere_scene,
     sphere_centers,
 )
-from lighting.records import (
-    MIN_SUITABLE,
-    EstimatedLight,
-    Lighting,
-    SunCandidate,
-    SunDistribution,
-    check_estimate,
-    describe_candidates,
-    describe_trust,
-)
+from lighting.records import MIN_SUITABLE, Lighting, SunCandidate, describe_candidates, describe_trust
 from lighting.segmentation import Segments
 from lighting.sun_grid import grid_directions
 

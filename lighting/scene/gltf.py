@@ -27,7 +27,8 @@ from lighting.files.deflate import encode_png
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.light_probe import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
-from lighting.records import Json, record_with_coefficients
+from lighting.record_json import record_with_coefficients
+from lighting.records import Json
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import Folder, encode_lit_ground, encode_plate
 

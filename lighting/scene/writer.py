@@ -23,7 +23,7 @@ from lighting.errors import ErrorCode, SceneError
 from lighting.files import encode_envmap, output_folder_error
 from lighting.files.deflate import encode_png
 from lighting.ground import draw_ground_mask
-from lighting.records import record_with_coefficients
+from lighting.record_json import record_with_coefficients
 from lighting.scene import ENVIRONMENT, EXPORTERS, GROUND, LIT_GROUND, PLATE, RECORD
 from lighting.scene.records import Scene
 

@@ -34,16 +34,8 @@ from lighting.errors import VideoError, require_extra
 from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
-from lighting.records import CodedWarning
 from lighting.tracing import trace_step
-from lighting.video.framing import (
-    MIN_SAMPLE_LEVEL,
-    SAMPLE_SIDE,
-    Framing,
-    fill_overlay,
-    find_framing,
-    looks_logarithmic,
-)
+from lighting.video.framing import MIN_SAMPLE_LEVEL, SAMPLE_SIDE, Framing, fill_overlay, find_framing, looks_logarithmic
 from lighting.video.gpmf import SAMPLE_START, read_gps_fix
 from lighting.video.metadata import (
     LOOKS_LOGARITHMIC,
@@ -58,6 +50,7 @@ from lighting.video.metadata import (
     subtitle_metadata,
     xml_metadata,
 )
+from lighting.warning_codes import CodedWarning
 
 # by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
 TRANSFER_CURVES: dict[int, Curve] = {16: "pq", 18: "hlg"}

@@ -19,8 +19,8 @@ from lighting.color import luminance
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.borders import Layout, Rectangle, find_layout
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE, describe_layout
-from lighting.records import CodedWarning, WarningCode
 from lighting.registration.features import import_opencv
+from lighting.warning_codes import CodedWarning, WarningCode
 
 Pixels = NDArray[np.uint8]
 

@@ -23,7 +23,7 @@ from lighting.geometry import Floats, wrap_azimuth
 from lighting.photo.camera import heading_from_gimbal, vertical_fov_from_focal_length
 from lighting.photo.clock import Stamp, read_stamp
 from lighting.photo.metadata import PhotoMetadata
-from lighting.records import CodedWarning, WarningCode
+from lighting.warning_codes import CodedWarning, WarningCode
 
 QUICKTIME = "com.apple.quicktime."
 LOCATION_TAGS = (f"{QUICKTIME}location.ISO6709", "location", "location-eng", "\xa9xyz")

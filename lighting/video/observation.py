@@ -43,7 +43,8 @@ from lighting.geometry import Floats, direction
 from lighting.model import Model
 from lighting.photo.picture_checks import is_blank
 from lighting.photo.reader import Photo
-from lighting.records import EvidenceKind, Light, Prediction
+from lighting.prediction import Light, Prediction
+from lighting.records import EvidenceKind
 from lighting.registration.features import Matches, import_opencv, resize_to
 from lighting.sun_grid import HEADINGS, grid_solid_angle
 from lighting.tracing import trace_step

@@ -31,7 +31,8 @@ from lighting.geometry import Floats, angle_between, wrap_azimuth, zoomed_fov
 from lighting.light_probe import compute_light_probe, main_light, rotate_harmonics
 from lighting.map_options import Adjustments
 from lighting.model import Model
-from lighting.records import Lighting, LightProbe, record_with_coefficients
+from lighting.record_json import record_with_coefficients
+from lighting.records import Lighting, LightProbe
 from lighting.registration.rotations import (
     camera_up,
     consensus_up,

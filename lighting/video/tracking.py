@@ -23,7 +23,7 @@ from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, obse
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from lighting.registration.features import (
     Features,
     Matches,

@@ -32,7 +32,8 @@ from lighting.files.radiance_hdr import decode_hdr
 from lighting.geometry import camera_axes
 from lighting.ground import draw_ground_mask
 from lighting.photo.reader import TARGET, read_photo
-from lighting.records import Lighting, record_with_coefficients
+from lighting.record_json import record_with_coefficients
+from lighting.records import Lighting
 from lighting.registration.features import MATCH_SIDE, has_opencv
 from lighting.scene import EXPORTERS
 from server.app import create_app

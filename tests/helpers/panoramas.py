@@ -17,7 +17,8 @@ from export.networks.outdoor import network_specs
 from lighting.color import tone_map
 from lighting.envmap.render import render
 from lighting.geometry import angle_between, angles, direction, latlong_directions
-from lighting.records import Lighting, Prediction
+from lighting.prediction import Prediction
+from lighting.records import Lighting
 from lighting.sun_grid import grid_directions
 from tests.helpers.predictions import GRID, SPEC, grid_prediction, lobe_prediction
 

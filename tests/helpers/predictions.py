@@ -15,7 +15,8 @@ from lighting.fusion.single_view import Observations, fuse
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import direction
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
-from lighting.records import Lighting, ModelSpec, Prediction
+from lighting.prediction import ModelSpec, Prediction
+from lighting.records import Lighting
 from lighting.solar_position import sun_position
 from lighting.sun_grid import grid_directions, grid_solid_angle, soft_label
 from tests.conftest import TINY

@@ -11,8 +11,9 @@ from lighting.color import srgb_decode, tone_map
 from lighting.envmap.render import render
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.photo.reader import Photo
+from lighting.prediction import EstimatedLight, SunDistribution
 from lighting.preview.drawing import SUN
-from lighting.records import EstimatedLight, Lighting, SunDistribution
+from lighting.records import Lighting
 from lighting.scene import Exporter, _ExporterOption
 from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import Folder, encode_plate

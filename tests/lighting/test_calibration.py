@@ -19,7 +19,7 @@ from lighting.calibration import (
     up_in_camera,
 )
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_directions, direction
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from tests.helpers.cameras import FINER, poles
 from tests.helpers.predictions import are_equal, prediction
 

@@ -25,7 +25,8 @@ from lighting.decoding import (
 )
 from lighting.fields import RANGES
 from lighting.geometry import angle_between, direction, wrap_azimuth
-from lighting.records import Light, Lighting, Prediction, visibility_attenuation
+from lighting.prediction import Light, Prediction
+from lighting.records import Lighting, visibility_attenuation
 from lighting.sun_grid import HEADINGS, soft_label, von_mises
 from tests.conftest import TINY
 

@@ -13,12 +13,7 @@ import lighting
 from lighting import errors
 from lighting.envmap.relighting import edit_lighting, rotate_lighting
 from lighting.envmap.shadow_mask import ground_shadow_mask
-from lighting.envmap.surroundings import (
-    PhotoContext,
-    render_view,
-    render_with_surroundings,
-    surroundings_gain,
-)
+from lighting.envmap.surroundings import PhotoContext, render_view, render_with_surroundings, surroundings_gain
 from lighting.errors import (
     RENAMED,
     ErrorCode,

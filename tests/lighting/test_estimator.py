@@ -23,7 +23,8 @@ from lighting.geometry import angle_between, direction
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array, read_photo
-from lighting.records import Lighting, warning_code
+from lighting.records import Lighting
+from lighting.warning_codes import warning_code
 from tests.conftest import AROUND, encode, scene, write_network
 from tests.helpers.predictions import UNIFORM, grid_prediction
 

@@ -22,17 +22,8 @@ from lighting.fields import (
 from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop, PhotoOrigin
-from lighting.records import (
-    EstimatedLight,
-    Light,
-    Lighting,
-    LightProbe,
-    MainLight,
-    ModelSpec,
-    Prediction,
-    SunDistribution,
-    SunEstimate,
-)
+from lighting.prediction import EstimatedLight, Light, ModelSpec, Prediction, SunDistribution, SunEstimate
+from lighting.records import Lighting, LightProbe, MainLight
 from lighting.scene.records import CameraMotion, Scene
 from tests.helpers.pages import ROOT
 

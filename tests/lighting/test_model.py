@@ -14,15 +14,7 @@ from numpy.typing import NDArray
 
 from lighting import model as model_module
 from lighting.errors import ModelError
-from lighting.model import (
-    PARAMETERS,
-    Model,
-    fit_size,
-    network_sha256,
-    packaged_model,
-    pad_to_input,
-    preprocess,
-)
+from lighting.model import PARAMETERS, Model, fit_size, network_sha256, packaged_model, pad_to_input, preprocess
 from lighting.onnx_session import create_session, describe_onnx_error, packaged_network, weights_path
 from lighting.photo.reader import Photo, read_photo
 from tests.conftest import LIT, TINY, encode, scene, write_network

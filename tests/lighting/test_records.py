@@ -13,63 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.errors import ModelError, ParameterError
+from lighting.errors import ParameterError
 from lighting.fields import OPTIONAL_RANGES, RANGES, clip_color
 from lighting.geometry import direction
-from lighting.records import (
-    CodedWarning,
-    EvidenceKind,
-    Lighting,
-    ModelSpec,
-    SunCandidate,
-    WarningCode,
-    describe_candidates,
-    describe_trust,
-    json_line,
-    record_with_coefficients,
-    unwrap_record,
-    warning_code,
-)
-from lighting.sky.clear_sky import sky_coefficients
-from tests.conftest import TINY
+from lighting.records import EvidenceKind, Lighting, SunCandidate, describe_candidates, describe_trust
+from lighting.warning_codes import CodedWarning, WarningCode, warning_code
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, ground_albedo=0.2)
-
-
-def test_the_full_record_adds_the_sky_models_coefficients_and_changes_nothing_else() -> None:
-    record = record_with_coefficients(LIGHT)
-    coefficients = record["sky"].pop("coefficients")
-    assert record == LIGHT.to_dict()
-    assert coefficients == sky_coefficients(33.0, 3.4, 0.2)
-    assert {name: len(row) for name, row in coefficients.items()} == {"r": 9, "g": 9, "b": 9, "radiance": 3}
-
-
-def test_the_coefficients_follow_from_the_record_when_it_is_read_again() -> None:
-    record = record_with_coefficients(LIGHT)
-    record["sky"]["coefficients"] = {"r": []}
-    assert record_with_coefficients(Lighting.from_dict(record)) == record_with_coefficients(LIGHT)
-
-
-@pytest.mark.parametrize(("answer", "key"), [(LIGHT, "lighting"), ("The photo is empty.", "error")])
-def test_a_line_holds_the_record_or_the_error(answer: Lighting | str, key: str) -> None:
-    line = json_line("a\nb.jpg", answer)
-    assert "\n" not in line
-    assert json.loads(line) == {
-        "file": "a\nb.jpg",
-        key: answer if isinstance(answer, str) else record_with_coefficients(answer),
-    }
-
-
-@pytest.mark.parametrize("text", [json.dumps(record_with_coefficients(LIGHT)), json_line("a.jpg", LIGHT)])
-def test_one_record_is_taken_bare_or_from_a_line(text: str) -> None:
-    assert Lighting.from_dict(unwrap_record(json.loads(text))) == LIGHT
-
-
-@pytest.mark.parametrize("field", ["error", "lightings"])
-def test_an_error_and_several_records_are_not_one(field: str) -> None:
-    with pytest.raises(ParameterError, match="The JSON holds") as caught:
-        unwrap_record({field: "Gone."})
-    assert caught.value.field == field
 
 
 LIGHTING = Lighting(
@@ -309,43 +259,6 @@ def test_any_json_is_a_record_or_a_parameter_error(record: dict[str, Any]) -> No
         assert isinstance(Lighting.from_dict(record), Lighting)
     except ParameterError as error:
         sentence(error)
-
-
-def test_the_spec_survives_json() -> None:
-    assert ModelSpec.from_json(TINY.to_json()) == TINY
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"width": 0},
-        {"width": "48"},
-        {"height": -3},
-        {"height": 4.5},
-        {"width": True},
-        {"mean": [0.5, 0.5]},
-        {"mean": "abc"},
-        {"mean": None},
-        {"std": [0.2, 0.0, 0.2]},
-        {"std": [math.nan, 1.0, 1.0]},
-        {"sun_grid": 5},
-        {"name": None},
-        {"licence": []},
-        {"surprise": 1},
-    ],
-    ids=repr,
-)
-def test_a_spec_of_another_layout_is_refused(change: dict[str, object]) -> None:
-    with pytest.raises(ModelError) as caught:
-        ModelSpec.from_json(json.dumps({**json.loads(TINY.to_json()), **change}))
-    sentence(caught.value)
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", "3", "{}", '{"mean": [1,2,3], "std": [1,2,3]}'])
-def test_what_is_no_spec_is_refused(text: str) -> None:
-    with pytest.raises(ModelError) as caught:
-        ModelSpec.from_json(text)
-    sentence(caught.value)
 
 
 KNOWING = replace(

@@ -8,8 +8,8 @@ import pytest
 import lighting
 from lighting.cli import Command
 from lighting.errors import ErrorCode
-from lighting.records import WarningCode
 from lighting.scene import EXPORTERS
+from lighting.warning_codes import WarningCode
 from scripts.markdown import link_terms
 from scripts.reference import (
     FOLDER,

@@ -17,8 +17,8 @@ from starlette.testclient import TestClient
 from lighting.errors import MissingExtraError, ModelError, PhotoTooLargeError
 from lighting.estimator import Estimator
 from lighting.photo.reader import TARGET
-from lighting.records import WarningCode
 from lighting.registration import features, photo_set
+from lighting.warning_codes import WarningCode
 from server.app import create_app
 from server.dependencies import NO_OPENCV, ROTATION_INFERRED, PhotoMatcher, Service, _Metrics
 from server.limits import UNKNOWN, ArrivingBody, ConnectionLimiter, PendingResponses, UploadLimiter

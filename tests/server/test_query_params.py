@@ -23,7 +23,7 @@ from lighting.files.exr import read_exr
 from lighting.fusion.user_input import UserInput
 from lighting.map_options import Adjustments
 from lighting.photo.reader import read_photo
-from lighting.records import record_with_coefficients
+from lighting.record_json import record_with_coefficients
 from lighting.registration.features import has_opencv
 from server.problems import ProblemError
 from server.query_params import (

@@ -14,7 +14,8 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
-from lighting.records import MAX_RECORD_BYTES, Lighting, json_line, record_with_coefficients
+from lighting.record_json import MAX_RECORD_BYTES, json_line, record_with_coefficients
+from lighting.records import Lighting
 from server.problems import ProblemError
 from server.request_body import parse_record
 from tests.conftest import encode, scene

@@ -16,7 +16,8 @@ from lighting.light_probe import compute_light_probe
 from lighting.model import METRICS, Model, packaged_model
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.photo.reader import PhotoCrop
-from lighting.records import EstimatedLight, Lighting, SunDistribution
+from lighting.prediction import EstimatedLight, SunDistribution
+from lighting.records import Lighting
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery

@@ -15,7 +15,8 @@ from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
 from lighting.ground import find_lit_spot
 from lighting.photo.reader import read_photo
-from lighting.records import Lighting, record_with_coefficients
+from lighting.record_json import record_with_coefficients
+from lighting.records import Lighting
 from lighting.registration.features import has_opencv
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS

@@ -19,7 +19,7 @@ from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import angles, direction, wrap_azimuth
 from lighting.photo.metadata import PhotoMetadata
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from lighting.solar_position import sun_position
 from tests.helpers.panoramas import AZIMUTH, EACH, erring, truth_of
 from tests.helpers.predictions import lobe_prediction

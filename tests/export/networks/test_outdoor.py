@@ -34,7 +34,7 @@ from export.networks.outdoor import (
 from lighting.color import tone_map
 from lighting.geometry import Pinhole, angle_between, camera_directions, direction
 from lighting.model import Model, pad_to_input
-from lighting.records import ModelSpec
+from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions
 from tests.helpers.panoramas import EXAMPLES_SPEC, VIEWS, crop
 

@@ -22,12 +22,7 @@ from export.reports.probe import (
 from lighting.envmap.render import sun_light
 from lighting.errors import ProbeError
 from lighting.probe.bracket import make_bracket, read_bracket
-from lighting.probe.develop import (
-    BracketSettings,
-    Moment,
-    make_probe,
-    yaw_rotation,
-)
+from lighting.probe.develop import BracketSettings, Moment, make_probe, yaw_rotation
 from lighting.probe.exposure_ratios import measure_ratios
 from lighting.probe.fisheye import make_lens
 

@@ -25,7 +25,7 @@ from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
 from lighting.model import Model
 from lighting.photo.reader import read_photo
-from lighting.records import record_with_coefficients
+from lighting.record_json import record_with_coefficients
 from tests.conftest import encode, scene, write_network
 from tests.helpers.pool_work import ITEMS, environment, mortal, second_attempt, shout, stillborn, unable
 from tests.helpers.predictions import without_probe

@@ -15,7 +15,8 @@ from pyarrow.parquet import read_table
 from lighting.cli.outputs import open_command
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr
-from lighting.records import Lighting, record_with_coefficients, unwrap_record
+from lighting.record_json import record_with_coefficients, unwrap_record
+from lighting.records import Lighting
 from tests.helpers.predictions import without_probe
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
 

@@ -10,7 +10,7 @@ from PIL import Image, ImageOps
 
 from lighting.files.exr import read_exr, write_exr
 from lighting.light_probe import compute_light_probe
-from lighting.records import record_with_coefficients
+from lighting.record_json import record_with_coefficients
 from tests.conftest import TINY
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
 

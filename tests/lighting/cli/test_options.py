@@ -13,7 +13,7 @@ from lighting.files.exr import COMPRESSIONS, read_exr
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model
 from lighting.photo.reader import read_photo
-from lighting.records import record_with_coefficients
+from lighting.record_json import record_with_coefficients
 from tests.conftest import encode, munich, scene
 from tests.helpers.photos import drone as gimbal
 from tests.helpers.photos import phone as phone_held

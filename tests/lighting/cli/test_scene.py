@@ -9,7 +9,7 @@ from PIL import Image
 
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr
-from lighting.records import record_with_coefficients
+from lighting.record_json import record_with_coefficients
 from lighting.scene import EXPORTERS, RECORD, Exporter
 from tests.helpers.predictions import without_probe
 from tests.helpers.processes import error_of, invoke_command

@@ -29,7 +29,8 @@ from lighting.geometry import angle_between, latlong_directions
 from lighting.map_options import MapOptions
 from lighting.photo.reader import Photo
 from lighting.photo_estimate import Estimate
-from lighting.records import EstimatedLight, Lighting, SunDistribution
+from lighting.prediction import EstimatedLight, SunDistribution
+from lighting.records import Lighting
 from tests.helpers.predictions import SKY_IRRADIANCE, model_light, stated_light
 
 ROWS = 24

@@ -34,7 +34,8 @@ from lighting.files.exr import (
     write_exr,
 )
 from lighting.geometry import latlong_solid_angle
-from lighting.records import Lighting, record_with_coefficients
+from lighting.record_json import record_with_coefficients
+from lighting.records import Lighting
 from lighting.version import __version__
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=50.0)
@@ -574,9 +575,9 @@ def test_other_shapes_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> Non
 def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
     for thing in ("sky.exr", [[0.0]], None):
         with pytest.raises(EnvironmentMapError, match=r"^An environment map (has the|is an array of) shape"):
-            write_exr(tmp_path / "a.exr", cast(Any, thing))
+            write_exr(tmp_path / "a.exr", cast("Any", thing))
     with pytest.raises(ParameterError, match="A Lighting is needed, not dict"):
-        write_exr(tmp_path / "a.exr", rounded_map, cast(Any, {"sun": {}}))
+        write_exr(tmp_path / "a.exr", rounded_map, cast("Any", {"sun": {}}))
     assert list(tmp_path.iterdir()) == []
 
 

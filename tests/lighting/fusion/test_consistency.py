@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.fusion.consistency import _elevation_p_value, _heading_p_value, consistency_warnings
-from lighting.fusion.single_view import (
-    Observations,
-    fuse,
-    likelihood_by_heading,
-)
+from lighting.fusion.single_view import Observations, fuse, likelihood_by_heading
 from lighting.sun_grid import grid_directions
 from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
 

@@ -21,8 +21,10 @@ from lighting.geometry import Floats, Pinhole, angle_between, camera_axes, camer
 from lighting.model import Model, preprocess
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import photo_from_array
-from lighting.records import Light, Lighting, Prediction, warning_code
+from lighting.prediction import Light, Prediction
+from lighting.records import Lighting
 from lighting.sun_grid import soft_label
+from lighting.warning_codes import warning_code
 from tests.conftest import TINY
 from tests.helpers.cameras import poles
 from tests.helpers.predictions import METADATA, answer, clock, lobe_prediction, prediction

@@ -23,7 +23,8 @@ from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import COMPASS_STD, Observations, fuse
 from lighting.fusion.user_input import UserInput
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
-from lighting.records import Light, Lighting
+from lighting.prediction import Light
+from lighting.records import Lighting
 from tests.helpers.predictions import METADATA, MORNING, ZONELESS, clock, observations_of, prediction
 
 

@@ -23,7 +23,7 @@ from lighting.fusion.multi_view import (
 )
 from lighting.fusion.single_view import Observations, Posterior, fuse
 from lighting.geometry import Floats, direction, wrap_azimuth
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from lighting.registration.photo_set import RegisteredView
 from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
 

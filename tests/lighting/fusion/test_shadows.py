@@ -22,8 +22,9 @@ from lighting.fusion.shadows import (
 from lighting.fusion.single_view import Observations, fuse_single_view
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, Pinhole, angle_between, camera_pixel, direction, wrap_azimuth
-from lighting.records import Prediction, warning_code
+from lighting.prediction import Prediction
 from lighting.sun_grid import bayes_direction, grid_directions
+from lighting.warning_codes import warning_code
 from tests.conftest import TINY
 
 CAMERA = Pinhole(1200, 900, 55.0, 0.0, -9.0, 6.0)

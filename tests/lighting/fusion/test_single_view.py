@@ -28,8 +28,9 @@ from lighting.fusion.single_view import (
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Pinhole, angle_between, angles, camera_pixel, direction, wrap_azimuth
 from lighting.photo.metadata import PhotoMetadata
-from lighting.records import Prediction, warning_code
+from lighting.prediction import Prediction
 from lighting.sun_grid import HEADINGS, grid_directions, smooth_density, soft_label, von_mises
+from lighting.warning_codes import warning_code
 from tests.helpers.predictions import GRID, UNIFORM, are_equal, grid_prediction, lobe_prediction
 
 azimuths = st.floats(-180.0, 180.0)

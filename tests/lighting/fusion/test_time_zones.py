@@ -14,7 +14,7 @@ from lighting.fusion.time_zones import OFFSET_RULES, clock_offsets, resolve_hemi
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import UTC_OFFSETS
 from lighting.photo.metadata import PhotoMetadata
-from lighting.records import warning_code
+from lighting.warning_codes import warning_code
 from tests.helpers.predictions import METADATA, MORNING, ZONELESS, sun_at
 
 

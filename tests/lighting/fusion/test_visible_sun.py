@@ -5,14 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lighting.fusion.single_view import (
-    Observations,
-    fuse,
-    fuse_single_view,
-)
+from lighting.fusion.single_view import Observations, fuse, fuse_single_view
 from lighting.fusion.visible_sun import visible_sun
 from lighting.geometry import Pinhole, angle_between, camera_pixel, direction
-from lighting.records import Prediction
+from lighting.prediction import Prediction
 from tests.helpers.predictions import UNIFORM, are_equal, grid_prediction, lobe_prediction
 
 AZIMUTH, ELEVATION = 20.0, 15.0

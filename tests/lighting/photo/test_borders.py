@@ -12,7 +12,7 @@ from lighting.photo.borders import Rectangle, find_layout
 from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import PhotoCrop, photo_from_array, read_photo
-from lighting.records import warning_code
+from lighting.warning_codes import warning_code
 from tests.conftest import encode, exif
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -24,7 +24,8 @@ from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import to_utc
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, read_photo
-from lighting.records import Lighting, WarningCode, warning_code
+from lighting.records import Lighting
+from lighting.warning_codes import WarningCode, warning_code
 from tests.conftest import encode, exif
 from tests.helpers.photos import packet
 from tests.helpers.predictions import lobe_prediction

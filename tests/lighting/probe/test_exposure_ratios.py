@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from lighting.color import srgb_encode
 from lighting.errors import ProbeError
 from lighting.photo.linear import LinearPhoto
-from lighting.probe.bracket import (
-    make_bracket,
-)
+from lighting.probe.bracket import make_bracket
 from lighting.probe.exposure_ratios import (
     _ExposureRatio,
     _measure_ratio,

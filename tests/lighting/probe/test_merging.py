@@ -8,10 +8,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
 from lighting.photo.linear import LinearPhoto
-from lighting.probe.bracket import (
-    Bracket,
-    make_bracket,
-)
+from lighting.probe.bracket import Bracket, make_bracket
 from lighting.probe.merging import _smooth_within_rounding, dequantize, merge_exposures
 
 TIMES = np.array([0.001, 0.01, 0.1, 1.0])

@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from lighting.geometry import Floats
-from lighting.registration.features import (
-    Matches,
-    detect_features,
-    match_features,
-)
+from lighting.registration.features import Matches, detect_features, match_features
 from lighting.registration.rotations import (
     camera_from_world,
     focal_from_fov,

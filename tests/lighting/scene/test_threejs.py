@@ -26,7 +26,7 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
-from lighting.records import record_with_coefficients
+from lighting.record_json import record_with_coefficients
 from lighting.scene import gltf, threejs
 from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene
 from tests.helpers.drawings import drawings

@@ -17,7 +17,7 @@ from PIL import Image
 
 from lighting.errors import SceneError
 from lighting.files.exr import read_exr
-from lighting.records import record_with_coefficients
+from lighting.record_json import record_with_coefficients
 from lighting.scene import EXPORTERS, Exporter, blender, mitsuba, unsupported_options
 from lighting.scene.records import Scene
 from lighting.scene.writer import (

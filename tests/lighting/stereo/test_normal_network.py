@@ -8,10 +8,7 @@ import pytest
 from lighting.errors import ModelError
 from lighting.stereo.light_vectors import clear_skies, gray_skies
 from lighting.stereo.normal_network import BY_IMAGE, SHARED, Network, NormalFeatures, _packaged_network, normal_features
-from lighting.stereo.normal_search import (
-    make_candidates,
-    search_normals,
-)
+from lighting.stereo.normal_search import make_candidates, search_normals
 from lighting.stereo.pose import Pose, world_to_camera
 from tests.helpers.skies import ball, june_suns, photos
 

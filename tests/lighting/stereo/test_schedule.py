@@ -22,9 +22,7 @@ from lighting.stereo.light_vectors import (
     modelled_day,
     sun_directions,
 )
-from lighting.stereo.noise_gain import (
-    largest_gain,
-)
+from lighting.stereo.noise_gain import largest_gain
 from lighting.stereo.planner import MeasuredSkies, ModelledSkies, draw_plan, plan_photos, plan_record
 from lighting.stereo.schedule import (
     MIN_WINDOW,

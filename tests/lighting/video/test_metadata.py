@@ -15,7 +15,7 @@ from lighting.fusion.estimate import build_estimate
 from lighting.fusion.single_view import fuse
 from lighting.fusion.user_input import UserInput
 from lighting.photo.metadata import PhotoMetadata
-from lighting.records import Lighting, WarningCode, warning_code
+from lighting.records import Lighting
 from lighting.video.decode import Clip
 from lighting.video.gpmf import read_gps_fix
 from lighting.video.metadata import (
@@ -28,6 +28,7 @@ from lighting.video.metadata import (
     xml_metadata,
 )
 from lighting.video.tracking import ClipMetadata
+from lighting.warning_codes import WarningCode, warning_code
 from tests.helpers.clips import pan, write_clip
 from tests.helpers.predictions import lobe_prediction
 

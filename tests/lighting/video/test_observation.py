@@ -13,7 +13,7 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, direction
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
-from lighting.records import Light, Prediction
+from lighting.prediction import Light, Prediction
 from lighting.sun_grid import soft_label
 from lighting.video import observation
 from lighting.video.observation import (

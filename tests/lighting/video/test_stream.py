@@ -14,12 +14,12 @@ from lighting.errors import ParameterError, PhotoError
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, wrap_azimuth, zoomed_fov
 from lighting.model import Model
-from lighting.records import WarningCode
 from lighting.registration.rotations import rotation_about, rotation_vector
 from lighting.video import tracking
 from lighting.video.observation import estimate_frame
 from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, Tracker, _BankKeyframe, _KeyframeBank
 from lighting.video.tracking import FrameRotation, Keyframe
+from lighting.warning_codes import WarningCode
 from tests.helpers.cameras import poles
 from tests.helpers.clips import FOV, Pixels, look, orientation, panorama, seen
 
