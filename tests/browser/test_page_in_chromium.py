@@ -448,11 +448,36 @@ class TestTools:
     def test_a_thing_of_known_size_is_stated(self, seen: Seen) -> None:
         assert seen["size"] == [["Size \N{MULTIPLICATION SIGN}"], True]
 
-    def test_two_upright_edges_tell_the_camera(self, seen: Seen) -> None:
-        chips, lines, evidence = seen["upright"]
-        assert chips == ["Upright edges \N{MULTIPLICATION SIGN}", "Size \N{MULTIPLICATION SIGN}"]
+    def test_the_estimated_horizon_is_dragged_as_a_whole_by_its_ends_and_by_keys(self, seen: Seen) -> None:
+        assert seen["grips"] == ["Horizon: left end", "Horizon", "Horizon: right end"]
+        assert seen["dragged"] == [True, 0]  # the line follows before anything is asked
+        whole, tilted, keyed = (tuple(map(float, line.split(","))) for line in seen["horizons"])
+        assert tilted[:2] == whole[:2]
+        assert tilted[3] < whole[3]
+        assert keyed[2:] == tilted[2:]
+        assert keyed[1] > tilted[1]
+        assert seen["focused"] == "Horizon: left end"
+
+    def test_each_drag_of_the_horizon_is_one_step(self, seen: Seen) -> None:
+        assert seen["horizonUndone"] == [1, 2]  # the size alone, and with the horizon
+
+    def test_two_upright_edges_tell_the_camera_and_can_be_dragged_again(self, seen: Seen) -> None:
+        chips, lines, evidence, moved = seen["upright"]
+        assert chips == [f"{name} \N{MULTIPLICATION SIGN}" for name in ("Horizon", "Edges", "Size")]
         assert [len(line.split(",")) for line in lines.split(";")] == [4, 4]
         assert "the lines that you drew" in evidence
+        (first, second), (first_moved, second_moved) = lines.split(";"), moved.split(";")
+        assert first_moved == first
+        assert second_moved.split(",")[:2] == second.split(",")[:2]
+        assert float(second_moved.split(",")[2]) < float(second.split(",")[2])
+
+    def test_two_level_edges_are_stated_together(self, seen: Seen) -> None:
+        asked, lines = seen["level"]
+        assert asked == "Now along another level edge of the same wall."
+        *uprights, level = lines.split(";")
+        assert len(uprights) == 2
+        assert level.startswith("level:")
+        assert len(level.split(",")) == 8
 
     def test_the_sun_is_dragged_on_the_map(self, seen: Seen) -> None:
         before, dragged, undone = seen["map"]

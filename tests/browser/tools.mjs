@@ -41,22 +41,81 @@ export async function visit(browser, url, seen, { street }) {
     await page.locator("#drawn button").allTextContents(),
     page.requests.some((a) => /reference=[^&]*4\.5/.test(a)),
   ];
-  await page.locator("#tools label", { hasText: "horizon" }).click();
-  await page.selectOption("#kinds", { label: "Upright edges" });
-  for (const right of [0.05, 0.77]) {
-    const at = await picture(page);
-    await page.mouse.move(...at(right, 0.95));
-    await page.mouse.down();
-    await page.mouse.move(...at(right, 0.2), { steps: 3 });
-    await stated(page, () => page.mouse.up(), 2);
-  }
-  seen.upright = [
-    await page.locator("#drawn button").allTextContents(),
-    new URL(page.requests.findLast((address) => address.includes("v1/lighting"))).searchParams.get("vertical"),
-    await page.textContent("#evidence"),
-  ];
+  await dragHorizon(page, seen);
+  await drawEdges(page, seen);
   await dragOnMap(page, seen);
   await page.context().close();
+}
+
+/** The estimated horizon dragged as a whole, by one end, and by keys: what the page shows meanwhile, and each undone at once. */
+async function dragHorizon(page, seen) {
+  await page.locator("#tools label", { hasText: "horizon" }).click();
+  const grip = (i) => page.locator("#grips > *").nth(i);
+  seen.grips = await page.locator("#grips > *").evaluateAll((grips) => grips.map(({ ariaLabel }) => ariaLabel));
+  const line = () => page.locator("#marks path.line").getAttribute("d");
+  const [before, at] = [await line(), await picture(page)];
+  await page.mouse.move(...at(0.5, 0.3));
+  await page.mouse.down();
+  await page.mouse.move(...at(0.5, 0.4), { steps: 3 });
+  await page.waitForFunction((d) => document.querySelector("#marks path.line").getAttribute("d") !== d, before);
+  seen.dragged = [await page.isVisible("#loupe"), asked(page, "horizon").length];
+  await stated(page, () => page.mouse.up(), 2);
+  seen.horizons = [lastAsked(page, "horizon")];
+  const { x, y, width, height } = await grip(2).boundingBox();
+  await page.mouse.move(x + width / 2, y + height / 2);
+  await page.mouse.down();
+  await page.mouse.move(x + width / 2, y + height / 2 - 40, { steps: 3 });
+  await restated(page, "horizon", () => page.mouse.up());
+  seen.horizons.push(lastAsked(page, "horizon"));
+  await grip(0).focus();
+  await restated(page, "horizon", async () => {
+    for (let i = 0; i < 5; i++) await page.keyboard.press("Shift+ArrowDown");
+  });
+  seen.horizons.push(lastAsked(page, "horizon"));
+  seen.focused = await page.evaluate(() => document.activeElement.ariaLabel);
+  const drawn = () => page.locator("#drawn button").count();
+  for (let i = 0; i < 3; i++) await page.click("#undo");
+  seen.horizonUndone = [await drawn()];
+  for (let i = 0; i < 3; i++) await page.click("#redo");
+  seen.horizonUndone.push(await drawn());
+}
+
+/** Two upright edges, an end of one of them dragged, and two level edges. */
+async function drawEdges(page, seen) {
+  await page.selectOption("#kinds", { label: "Upright edges" });
+  const drawTo = async (from, to) => {
+    const at = await picture(page);
+    await page.mouse.move(...at(...from));
+    await page.mouse.down();
+    await page.mouse.move(...at(...to), { steps: 3 });
+    await page.mouse.up();
+  };
+  for (const right of [0.05, 0.77]) await restated(page, "vertical", () => drawTo([right, 0.95], [right, 0.2]));
+  seen.upright = [
+    await page.locator("#drawn button").allTextContents(),
+    lastAsked(page, "vertical"),
+    await page.textContent("#evidence"),
+  ];
+  await restated(page, "vertical", () => drawTo([0.77, 0.2], [0.74, 0.2]));
+  seen.upright.push(lastAsked(page, "vertical"));
+  await page.selectOption("#kinds", { label: "Level edges" });
+  await drawTo([0.98, 0.28], [0.73, 0.42]);
+  seen.level = [await page.textContent("#tool-help")];
+  await restated(page, "vertical", () => drawTo([0.98, 0.38], [0.73, 0.46]));
+  seen.level.push(lastAsked(page, "vertical"));
+}
+
+const asked = (page, name) => page.requests.filter((address) => new URL(address).searchParams.has(name));
+const lastAsked = (page, name) => new URL(asked(page, name).at(-1)).searchParams.get(name);
+
+/** Does something and waits until the service has answered what is said of `name` then. */
+async function restated(page, name, act) {
+  const [answer] = await Promise.all([
+    page.waitForResponse((one) => one.url().includes("v1/lighting") && new URL(one.url()).searchParams.has(name)),
+    act(),
+  ]);
+  await answer.finished();
+  await page.waitForSelector("#result[aria-busy=false]");
 }
 
 /** The sun dragged on the environment map, and one undo of that. */

@@ -95,14 +95,23 @@ export function drawSun([x, y]: Point, size: number, kind: string): SVGElement {
   return createSvg("g", { transform: position }, layer(size / 4, "shade"), layer(0, kind));
 }
 
-/** Draws into an SVG in CSS pixels, again whenever its size changes. */
+/** Draws into an SVG in CSS pixels, with the next frame, and again whenever its size changes. */
 export function fitDrawing(element: SVGSVGElement, draw: (width: number, height: number) => Node[]): () => void {
+  let size = { width: 0, height: 0 };
+  let scheduled = false;
   const redraw = (): void => {
-    const { width, height } = element.getBoundingClientRect();
+    scheduled = false;
+    const { width, height } = size;
     if (width < 1 || height < 1) return;
     element.setAttribute("viewBox", `0 0 ${width} ${height}`);
     element.replaceChildren(...draw(width, height));
   };
-  new ResizeObserver(redraw).observe(element);
-  return redraw;
+  new ResizeObserver(() => {
+    size = element.getBoundingClientRect();
+    redraw();
+  }).observe(element);
+  return () => {
+    if (!scheduled) requestAnimationFrame(redraw);
+    scheduled = true;
+  };
 }

@@ -135,3 +135,6 @@ function listenForGestures(): void {
 
 /** The number of the gesture under way. */
 export const currentGesture = (): number => (performance.now() - ended > CLICK ? NO_GESTURE : pressed);
+
+/** Whether a finger or a button of the mouse is down. */
+export const isGestureUnderWay = (): boolean => pressed !== NO_GESTURE && ended === Number.POSITIVE_INFINITY;

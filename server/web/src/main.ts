@@ -4,7 +4,7 @@ import { debounceLatest, estimatePhotos, type LightParameters, modelInfo, Servic
 import { byId, fitDrawing } from "./dom";
 import { EXAMPLES } from "./examples";
 import type { Angles } from "./geometry/angles";
-import { currentGesture, History, listenForUndo, showUndo, type Undoable } from "./history";
+import { currentGesture, History, isGestureUnderWay, listenForUndo, showUndo, type Undoable } from "./history";
 import {
   aspectRatio,
   type DecodedPhoto,
@@ -18,10 +18,12 @@ import {
 import { SkyClient } from "./sky/client";
 import type { SkyAnswer } from "./sky/worker";
 import {
+  cameraOf,
   createView,
   currentState,
   type EditState,
   isChanged,
+  type Live,
   type PhotoView,
   parametersFromRecord,
   photoFiles,
@@ -79,7 +81,7 @@ const day = new DayView(({ azimuth, elevation }) =>
   editLight({ sun_azimuth: azimuth, sun_elevation: elevation, sun: true }, "hour"),
 );
 const tools = new Tools({
-  turnSun: (azimuth) => editLight({ sun_azimuth: azimuth, sun: true }, "shadow"),
+  preview: previewGesture,
   forward: (event) => sunHandle.drag(event),
   state: restate,
 });
@@ -96,12 +98,13 @@ const debouncedEstimate = debounceLatest<EstimateRequest>(runEstimate, 0, failRe
 const drawPhotoMarks = fitDrawing(byId<SVGSVGElement>("marks"), (width, height) => {
   const view = currentView();
   if (!view || !byId<HTMLInputElement>("show-marks").checked) return [];
-  return drawPhotoMarkers(view.estimate.camera, currentState(view).parameters, width, height);
+  return drawPhotoMarkers(cameraOf(view), currentState(view).parameters, width, height);
 });
 const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height) => {
   const view = currentView();
   if (!view) return [];
-  return drawMapMarkers(view.estimate, currentState(view).parameters, aspectRatio(view.photo), width, height);
+  const shown = { ...view.estimate, camera: cameraOf(view) };
+  return drawMapMarkers(shown, currentState(view).parameters, aspectRatio(view.photo), width, height);
 });
 
 listenForUploads({
@@ -115,6 +118,7 @@ addEventListener("hashchange", openLink);
 listenForLocation();
 listenForMapSun(currentSun, (sun) => moveSun(sun, "sun on the map"));
 listenForUndo(undoables);
+for (const end of ["pointerup", "pointercancel"] as const) addEventListener(end, finishLight);
 listenForKey();
 watchViewer();
 byId("unfold").addEventListener("click", () => foldResult(false));
@@ -172,6 +176,7 @@ function submitPhotos(request: EstimateRequest): void {
   status.textContent = `Looking at ${request.sources.map(({ name }) => name).join(", ")}…`;
   clearErrors();
   setBusy(true);
+  document.body.toggleAttribute("data-asked-again", request.before !== undefined);
   sky.start();
   debouncedEstimate(request);
 }
@@ -241,6 +246,7 @@ async function runEstimate(request: EstimateRequest, signal: AbortSignal): Promi
   const known = userInput === NO_USER_INPUT && row?.estimate;
   const estimates = known ? [known] : await estimatePhotos(files, userInput, signal);
   const decoded = await decoding;
+  for (const view of before?.views ?? []) delete view.live; // the answer takes its place
   const views = await Promise.all(
     estimates.map(async (estimate, i) => {
       const earlier = before?.views[i];
@@ -289,7 +295,7 @@ function showAnswer(): void {
 /** Where the photo's ground lies in the sun, once the service has said it. */
 async function showGround(view: PhotoView, signal: AbortSignal): Promise<void> {
   view.groundMask = await loadGroundMask(view.photo.file, view.userInput, signal);
-  if (view === currentView()) object.show(currentState(view));
+  if (view === currentView()) object.show(view);
 }
 
 /** Shows one of the photos. */
@@ -299,6 +305,7 @@ function showPhoto(index: number): void {
   session.index = index;
   const view = session.views[index];
   if (!view) return;
+  delete view.live;
   const { estimate, photo } = view;
   const { title, text, kind } = buildHeadline(estimate);
   byId("title").textContent = title.replaceAll("° ", "°\u00a0"); // no line ends inside an angle
@@ -343,7 +350,16 @@ function showSliders(view: PhotoView): void {
 
 function editLight(part: Partial<LightParameters>, kind: string): void {
   const view = currentView();
-  if (view) editState({ parameters: { ...currentState(view).parameters, ...part } }, kind);
+  if (view) editState({ parameters: { ...view.history.state.parameters, ...part } }, kind);
+}
+
+/** Shows what a gesture changes until the service has answered what it states; undefined: no longer. */
+function previewGesture(live: Live | undefined): void {
+  const view = currentView();
+  if (!view) return;
+  if (live) view.live = live;
+  else delete view.live;
+  refresh();
 }
 
 function currentSun(): Angles | undefined {
@@ -362,7 +378,7 @@ function editState(part: Partial<EditState>, kind: string): void {
   const view = currentView();
   if (!view) return;
   clearErrors();
-  view.history.push({ ...currentState(view), ...part }, kind, currentGesture());
+  view.history.push({ ...view.history.state, ...part }, kind, currentGesture());
   answers?.dropRedo();
   refresh();
 }
@@ -374,25 +390,34 @@ function refresh(): void {
   const state = currentState(view);
   hideSnippet();
   showSliders(view);
-  sunHandle.show(view.estimate.camera, state.parameters);
+  sunHandle.show(cameraOf(view), state.parameters);
   byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
   showUndo(undoables());
   offerForOne(view);
   dome.mark(state.parameters);
-  candidates.mark(state.parameters);
+  candidates.mark(state.parameters, cameraOf(view));
   drawPhotoMarks();
   drawMapMarks();
-  object.show(state);
+  object.show(view);
   requestLight(view);
 }
 
-/** Asks for the light of a view, unless it is the one that was asked for last, as when only the object moves. */
+/**
+ * Asks for the light of a view, unless it is the one that was asked for last, as when only the object moves. While a
+ * gesture moves it, a coarse one will do.
+ */
 function requestLight(view: PhotoView): void {
-  const question = skyRequest(view);
+  const question = { ...skyRequest(view), coarse: isGestureUnderWay() };
   const text = JSON.stringify(question);
   if (lastQuestion?.[0] === view && lastQuestion[1] === text) return;
   lastQuestion = [view, text];
   sky.request(question);
+}
+
+/** Asks for the light that a gesture has left in full. */
+function finishLight(): void {
+  const view = currentView();
+  if (view) requestLight(view);
 }
 
 /** Shows a light that the worker has rendered, and the sky alone until the service has rendered the map. */
@@ -401,7 +426,7 @@ function showLight({ light, picture }: SkyAnswer): void {
   if (!view) return;
   view.irradiances = { sun: light.sun, sky: light.sky };
   showSliders(view);
-  if (!envmap.request(view)) envmap.drawDraft(picture);
+  if (isGestureUnderWay() || !envmap.request(view)) envmap.drawDraft(picture);
   countLight(view);
   object.light(light, view);
 }
@@ -424,7 +449,8 @@ function requestMap(): void {
 function showExported(view: PhotoView): void {
   if (view !== currentView()) return;
   sky.setExported(view.exported?.light ?? null);
-  sky.request(skyRequest(view));
+  lastQuestion = undefined;
+  requestLight(view);
 }
 
 /** What is shown, once its light is known; undefined where it cannot be, which is shown as an error. */
@@ -442,6 +468,12 @@ function clearErrors(): void {
 function failRequest(error: unknown): void {
   setBusy(false);
   status.textContent = "";
+  const view = currentView();
+  if (view) {
+    delete view.live;
+    tools.show(view, answers?.state.views.length === 1);
+    refresh();
+  }
   showError(error);
 }
 

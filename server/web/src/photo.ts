@@ -51,7 +51,7 @@ export interface DecodedPhoto {
 }
 
 /** A part of an image in its pixels. */
-interface ImagePart {
+export interface ImagePart {
   left: number;
   top: number;
   width: number;

@@ -2,6 +2,7 @@
 
 import type { EditedLighting, Estimate, Irradiances, Lighting, LightOverrides, LightParameters } from "./api";
 import { direction } from "./geometry/angles";
+import type { Camera } from "./geometry/camera";
 import {
   footPoint,
   type GroundMask,
@@ -32,6 +33,12 @@ export interface EditState {
   inSun: boolean; // whether the object is put into the sun, wherever it stands
 }
 
+/** What a gesture shows before the service has answered what it states. */
+export interface Live {
+  camera?: Camera;
+  parameters?: Partial<LightParameters>;
+}
+
 /** One photo with its answer. */
 export interface PhotoView {
   photo: Photo;
@@ -39,6 +46,7 @@ export interface PhotoView {
   together: boolean; // whether it was estimated together with others
   estimate: Estimate;
   history: History<EditState>;
+  live?: Live; // of the gesture under way, or of the one that the service is asked about
   irradiances: Irradiances; // of the light on show
   groundMask: GroundMask; // of all ground in the sun until the service has said more
   exported?: ExportedMap; // the latest one
@@ -86,13 +94,28 @@ const placementOf = ({ camera, ground }: Estimate, photo: Photo): Placement =>
 function keptPlacement(before: PhotoView, { camera }: Estimate): Placement | null {
   const { placement } = currentState(before);
   if (JSON.stringify(placement) === JSON.stringify(placementOf(before.estimate, before.photo))) return null;
-  const aspect = aspectRatio(before.photo);
-  const foot = footPoint(placement, before.estimate.camera, aspect);
+  return keepFoot(placement, before.estimate.camera, camera, aspectRatio(before.photo));
+}
+
+/** The object at the same spot of the photo, seen by another camera; null where that sees no ground there. */
+function keepFoot(placement: Placement, before: Camera, camera: Camera, aspect: number): Placement | null {
+  const foot = footPoint(placement, before, aspect);
   return foot && movePlacement(placement, camera, aspect, foot);
 }
 
 export const photoFiles = ({ views }: Session): File[] => views.map(({ photo }) => photo.file);
-export const currentState = ({ history }: PhotoView): EditState => history.state;
+
+/** What is on show: what was done to light and object, and what a gesture changes of that. */
+export function currentState({ history, live, estimate, photo }: PhotoView): EditState {
+  const { state } = history;
+  if (!live) return state;
+  const moved = live.camera && keepFoot(state.placement, estimate.camera, live.camera, aspectRatio(photo));
+  const parameters = { ...state.parameters, ...live.parameters };
+  return { ...state, parameters, placement: moved ?? state.placement };
+}
+
+/** The camera on show. */
+export const cameraOf = ({ live, estimate }: PhotoView): Camera => live?.camera ?? estimate.camera;
 
 /** What the sky's worker renders for a view. */
 export function skyRequest(view: PhotoView): SkyRequest {

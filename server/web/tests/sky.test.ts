@@ -9,6 +9,7 @@ import { prepareLight, renderLight, type SceneLight, type SkyRequest, type SkyTa
 import { hosekWilkieSky, parseHosekWilkieTable, parsePragueTable, sunIrradiance } from "../src/sky/models";
 import {
   followLight,
+  halveMap,
   horizontalIrradiance,
   type Latlong,
   removeDisc,
@@ -299,5 +300,16 @@ describe("the map that the service exports", () => {
     const followed = followLight(map(0.25), { before: map(2), now: map(3) });
     expect(followed.data[0]).toBeCloseTo(0.375);
     expect(followLight(map(1), { before: map(0), now: map(5) }).data[0]).toBe(20);
+  });
+});
+
+describe("a coarse map", () => {
+  it("has the mean of each four pixels", () => {
+    const data = Float32Array.from({ length: 32 }, (_, i) => (i % 4) + 10 * Math.floor(i / 4)); // two rows of four pixels
+    expect(halveMap({ width: 4, height: 2, data })).toEqual({
+      width: 2,
+      height: 1,
+      data: Float32Array.of(25, 26, 27, 28, 45, 46, 47, 48),
+    });
   });
 });

@@ -21,8 +21,12 @@ import { History } from "../src/history";
 import { imagePart } from "../src/photo";
 import {
   buildRecord,
+  cameraOf,
   cameraOverrides,
+  currentState,
+  type EditState,
   overridesFromParameters,
+  type PhotoView,
   parametersFromRecord,
   statedOverrides,
 } from "../src/state";
@@ -226,6 +230,32 @@ describe("the object's place", () => {
     const grown = resizePlacement(shiftPlacement(nearPlacement, 0, 50), 1e9);
     expect(maxRadius(shiftPlacement(grown, 0, -45))).toBe(shiftPlacement(grown, 0, -45).radius);
     expect(movePlacement(grown, CAMERA, 4 / 3, [0.5, 0.9])?.radius).toBe(maxRadius(nearPlacement));
+  });
+});
+
+describe("a gesture under way", () => {
+  const parameters = { sun_azimuth: 10, sun_elevation: 30, turbidity: 3, exposure: 1 } as EditState["parameters"];
+  const placement = initialPlacement(CAMERA, 1.5, [0, -0.3, -0.954]);
+  const view = {
+    photo: { picture: { width: 300, height: 200 } },
+    estimate: { camera: CAMERA },
+    history: new History({ parameters, placement } as EditState),
+  } as PhotoView;
+
+  it("turns the sun alone, and leaves the history as it is", () => {
+    const shown = currentState({ ...view, live: { parameters: { sun_azimuth: 70 } } });
+    expect(shown.parameters).toEqual({ ...parameters, sun_azimuth: 70 });
+    expect(view.history.canUndo).toBe(false);
+    expect(currentState(view).parameters).toBe(parameters);
+  });
+
+  it("tilts the camera under an object that stays where the photo shows it", () => {
+    const live = { ...view, live: { camera: { ...CAMERA, elevation: -3 } } };
+    expect(cameraOf(live).elevation).toBe(-3);
+    const [x, y] = footPoint(placement, CAMERA, 1.5) as Point;
+    const shown = currentState(live).placement;
+    expect(footPoint(shown, cameraOf(live), 1.5)).toEqual([expect.closeTo(x, 9), expect.closeTo(y, 9)]);
+    expect(shown.position).not.toEqual(placement.position);
   });
 });
 

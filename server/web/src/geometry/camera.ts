@@ -1,6 +1,6 @@
 /** The pinhole camera of a photo: where directions lie in it. Pixels are continuous, (0, 0) is the top left corner. */
 
-import { combine, cross, direction, dot, radians, type Vector } from "./angles";
+import { combine, cross, degrees, direction, dot, radians, type Vector } from "./angles";
 
 /** As in the record: elevation positive looks up, roll positive turns the camera clockwise; degrees. */
 export interface Camera {
@@ -10,7 +10,7 @@ export interface Camera {
   height?: number; // metres above the ground
 }
 
-interface Size {
+export interface Size {
   width: number;
   height: number;
 }
@@ -55,6 +55,16 @@ export function horizon(camera: Camera, size: Size): [Point, Point] | null {
   const left = project(direction(-85, 0), camera, size);
   const right = project(direction(85, 0), camera, size);
   return left && right ? [left, right] : null;
+}
+
+/** The camera whose horizon is the line through two pixels, the sky above it; its lens and height stay. */
+export function levelCamera(camera: Camera, [from, to]: readonly [Point, Point], size: Size): Camera {
+  const [left, right] = from[0] <= to[0] ? [from, to] : [to, from];
+  const focal = focalLength(camera, size);
+  const ray = ([x, y]: Point): Vector => [x - size.width / 2, size.height / 2 - y, -focal]; // in the camera's own frame
+  const up = cross(ray(right), ray(left));
+  const [x, y, z] = combine([1 / Math.hypot(...up), up]);
+  return { ...camera, elevation: degrees(Math.asin(-z)), roll: degrees(Math.atan2(-x, y)) };
 }
 
 export interface SunMark {

@@ -59,6 +59,7 @@ export class Stage {
   private height = 0; // of the object at radius 1
   private sunDirection = new Vector3(0, 1, 0);
   private groundMask: GroundMask | undefined;
+  private size = ""; // of the canvas, in the pixels of that screen
   private scheduled = false;
 
   /** Throws where the browser has no WebGL. */
@@ -90,19 +91,24 @@ export class Stage {
     return this.height * this.object.scale.x;
   }
 
-  /** The photo as the backdrop, seen by its own camera. */
-  setPhoto(photo: HTMLCanvasElement, camera: Camera): void {
+  /** The photo as the backdrop. */
+  setPhoto(photo: HTMLCanvasElement): void {
     if (this.scene.background instanceof Texture) this.scene.background.dispose();
     const texture = new CanvasTexture(photo);
     texture.colorSpace = SRGBColorSpace;
     this.scene.background = texture;
-    this.camera.fov = camera.vertical_fov;
     this.camera.aspect = photo.width / photo.height;
+  }
+
+  /** The camera that took it. */
+  setCamera(camera: Camera): void {
+    this.camera.fov = camera.vertical_fov;
     this.camera.near = 0.02;
     this.camera.updateProjectionMatrix();
     const { right, up, forward } = cameraAxes(camera);
     const basis = new Matrix4().makeBasis(vector(right), vector(up), vector(forward).negate());
     this.camera.quaternion.setFromRotationMatrix(basis);
+    this.draw();
   }
 
   /** Where the photo's ground lies in the sun. */
@@ -171,6 +177,9 @@ export class Stage {
   }
 
   setSize(width: number, height: number): void {
+    const size = `${width} ${height} ${window.devicePixelRatio}`;
+    if (size === this.size) return; // else the canvas begins anew
+    this.size = size;
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
     this.ground.setSize(this.renderer.getDrawingBufferSize(new Vector2()));
@@ -227,7 +236,8 @@ const vector = ([x, y, z]: Vector): Vector3 => new Vector3(x, y, z);
 const MAX_HALF_FLOAT = 65000; // the largest value that half floats hold
 
 function environmentTexture({ width, height, data }: Latlong): DataTexture {
-  const half = Uint16Array.from(data, (value) => DataUtils.toHalfFloat(Math.min(value, MAX_HALF_FLOAT)));
+  const half = new Uint16Array(data.length);
+  for (let i = 0; i < data.length; i++) half[i] = DataUtils.toHalfFloat(Math.min(data[i] as number, MAX_HALF_FLOAT));
   const texture = new DataTexture(half, width, height);
   texture.type = HalfFloatType;
   texture.mapping = EquirectangularReflectionMapping;

@@ -30,6 +30,7 @@ export interface SkyRequest {
   estimated: LightParameters;
   stated: StatedLight;
   painted?: string; // the model that paints the sky; the map of any but "prague" is that of Hosek and Wilkie
+  coarse?: boolean; // whether half of the rows will do, as while the sun is dragged
 }
 
 /** The tables of the sky models. */
@@ -170,7 +171,10 @@ export interface LightBase {
   turnedOn?: Gains; // where the sun did not shine and is turned on
 }
 
-export function prepareLight(tables: SkyTables, { estimated, stated }: Omit<SkyRequest, "parameters">): LightBase {
+export function prepareLight(
+  tables: SkyTables,
+  { estimated, stated }: Pick<SkyRequest, "estimated" | "stated">,
+): LightBase {
   const gains = computeGains(tables, estimated, stated);
   return estimated.sun ? { gains } : { gains, turnedOn: turnedOnGains(tables, estimated, stated) };
 }

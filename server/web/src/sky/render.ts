@@ -179,6 +179,18 @@ export function toneMap({ map, sun }: SceneLight, parameters: LightParameters): 
   return { width, height, data };
 }
 
+/** A map of half the rows and columns. */
+export function halveMap({ width, height, data }: Latlong): Latlong {
+  const half = { width: width / 2, height: height / 2, data: new Float32Array(data.length / 4) };
+  for (let i = 0; i < half.data.length; i++) {
+    const [row, column] = [Math.floor(i / 4 / half.width), Math.floor(i / 4) % half.width];
+    const at = 4 * (2 * row * width + 2 * column) + (i % 4);
+    const sum = [0, 4, 4 * width, 4 * width + 4].reduce((total, step) => total + (data[at + step] as number), 0);
+    half.data[i] = sum / 4;
+  }
+  return half;
+}
+
 const DISC = 3; // degrees around the sun that hold its disc in a coarse map
 const RING = 7; // degrees around it whose sky takes the disc's place
 const FADING: [number, number] = [0.05, 20]; // how far a pixel follows a light that has changed since the export

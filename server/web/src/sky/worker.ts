@@ -11,7 +11,7 @@ import {
   type SkyTables,
 } from "./lighting";
 import { parseHosekWilkieTable, parsePragueTable } from "./models";
-import { followLight, type Latlong, LIGHT_ROWS, type MapPicture, removeDisc, toneMap } from "./render";
+import { followLight, halveMap, type Latlong, LIGHT_ROWS, type MapPicture, removeDisc, toneMap } from "./render";
 
 /** A map that the service exported, and what it was asked for. */
 export interface ExportedLight {
@@ -28,45 +28,50 @@ export interface SkyAnswer {
 }
 
 let tables: Promise<SkyTables> | undefined;
-let exported: ExportedLight | null = null; // without the sun's disc
+let exported: { question: SkyRequest; maps: [full: Latlong, coarse: Latlong] } | null = null; // without the sun's disc
+let exportedBare: Latlong[] = []; // the bare maps of its light, by their sizes as above
 let last: { photo: string; base: LightBase } | undefined; // of the latest photo
 
 self.addEventListener("message", async ({ data }: MessageEvent<SkyMessage>) => {
   if ("question" in data) await answer(data.question, data.id);
-  else
-    exported = data.exported && {
-      ...data.exported,
-      map: removeDisc(data.exported.map, data.exported.question.parameters),
-    };
+  else setExported(data.exported);
 });
+
+function setExported(light: ExportedLight | null): void {
+  exportedBare = [];
+  const map = light && removeDisc(light.map, light.question.parameters);
+  exported = map && { question: light.question, maps: [map, halveMap(map)] };
+}
 
 async function answer(question: SkyRequest, id: number): Promise<void> {
   try {
     tables ??= loadTables();
     const sky = await tables;
-    const bare = renderLight(sky, question, LIGHT_ROWS, cachedBase(sky, question));
-    const light = { ...bare, map: exported ? showPlace(sky, bare.map, question, exported) : bare.map };
-    postMessage({ id, light, picture: toneMap(light, question.parameters) } satisfies SkyAnswer);
+    const bare = renderLight(sky, question, question.coarse ? LIGHT_ROWS / 2 : LIGHT_ROWS, cachedBase(sky, question));
+    const light = { ...bare, map: showPlace(sky, bare.map, question) };
+    const picture = toneMap(light, question.parameters);
+    postMessage({ id, light, picture } satisfies SkyAnswer, { transfer: [light.map.data.buffer, picture.data.buffer] });
   } catch (error) {
     tables = undefined;
     postMessage({ id, error: error instanceof Error ? error.message : String(error) });
   }
 }
 
-/** The exported map in the light of a question. */
-function showPlace(
-  sky: SkyTables,
-  now: Latlong,
-  question: SkyRequest,
-  { map, question: before }: ExportedLight,
-): Latlong {
+/** The exported map in the light of a question; its bare map where none is exported. */
+function showPlace(sky: SkyTables, now: Latlong, question: SkyRequest): Latlong {
+  if (!exported) return now;
+  const size = question.coarse ? 1 : 0;
+  const map = exported.maps[size];
+  const before = exported.question;
   if (JSON.stringify(question.parameters) === JSON.stringify(before.parameters))
     return { ...map, data: map.data.slice() };
-  return followLight(map, { before: renderLight(sky, before, LIGHT_ROWS, cachedBase(sky, before)).map, now });
+  exportedBare[size] ??= renderLight(sky, before, map.height, cachedBase(sky, before)).map;
+  return followLight(map, { before: exportedBare[size], now });
 }
 
 /** What all lights of the photo share, computed once for each photo. */
-function cachedBase(sky: SkyTables, { parameters: _, ...ofPhoto }: SkyRequest): LightBase {
+function cachedBase(sky: SkyTables, { estimated, stated }: SkyRequest): LightBase {
+  const ofPhoto = { estimated, stated };
   const photo = JSON.stringify(ofPhoto);
   if (last?.photo !== photo) last = { photo, base: prepareLight(sky, ofPhoto) };
   return last.base;

@@ -1,6 +1,5 @@
 /** The sky from above with the sun's probability: read by pointing at it or with the arrow keys, and the sun moved there. */
 
-import type { Estimate, LightParameters } from "../api";
 import { arrowStep, createSvg, drawPath, drawSun, drawText, isTouchDevice } from "../dom";
 import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from "../geometry/angles";
 import type { Point } from "../geometry/camera";
@@ -8,6 +7,8 @@ import { mixColors, parseHexColor, type Rgb } from "../geometry/color";
 import { type GridCell, gridCells, probabilityWithin, smoothDensity } from "../geometry/distribution";
 import { circleAround, fromDome, photoOutline, placeShareLabels, sunRegions, toDome } from "../geometry/sphere";
 import { formatAzimuth, formatPercent, isSunny } from "../text/format";
+import type { Candidate, Estimate, LightParameters } from "../types";
+import { candidatesOf, isCandidate } from "./candidates";
 import { drawShareLabels } from "./markers";
 
 const RADIUS = 100; // of the horizon in the drawing's units
@@ -16,6 +17,7 @@ const DENSITY_SIZE = 160; // pixels of the density before enlargement
 const READ_RADIUS = 10; // degrees around the pointer whose probability is read
 const KEY_STEP = 5; // degrees
 const GRIP = 20; // units of the drawing around the sun from which it is dragged: 22 pixels of a small drawing
+const CHIP = 7.5; // units of the drawing, the radius of a sun's number
 const SHARE = 8; // units of the drawing, the letters of a region's share
 const CORNERS: [Point, Point] = [[-RADIUS, -RADIUS], [RADIUS, RADIUS]]; // biome-ignore format: two corners
 const RINGS = "Rings hold 50 and 90 % of the probability.";
@@ -28,6 +30,8 @@ export class Dome {
   private readonly grip = createSvg("circle", { r: GRIP, class: "grip" }); // stays while it is dragged
   private readonly sunMarker = createSvg("g", { class: "mark" });
   private cells: GridCell[] = [];
+  private suns: Candidate[] = [];
+  private chips: SVGElement[] = []; // of them
   private dragging = false;
   private at: Angles = { azimuth: 0, elevation: 45 };
 
@@ -54,17 +58,16 @@ export class Dome {
     const view = photoOutline(estimate.camera, aspect).map(onDrawing);
     const regions = sunRegions(estimate.sun, isSunny(estimate));
     const rings = regions.flatMap(({ lines, kind }) => lines.map((line) => drawPath(line.map(onDrawing), kind)));
-    const others = estimate.trust === "sure" ? [] : (estimate.sun.candidates ?? []).slice(1);
-    const suns = others.map((sun, i) => {
-      const [x, y] = onDrawing(direction(sun.azimuth, Math.max(sun.elevation, 0)));
-      return drawText([x, y + 4], String(i + 2), "candidate middle");
-    });
+    this.suns = candidatesOf(estimate);
+    this.chips = this.suns.map(drawChip);
     const labels = [
       ...ringLabels(estimate.sun.azimuth),
       ...drawShareLabels(placeShareLabels(regions, onDrawing, SHARE, CORNERS), SHARE),
     ];
     this.drawing.querySelector(".estimate")?.remove();
-    this.sunMarker.before(createSvg("g", { class: "estimate" }, drawPath(view, "view"), ...rings, ...labels, ...suns));
+    this.sunMarker.before(
+      createSvg("g", { class: "estimate" }, drawPath(view, "view"), ...rings, ...labels, ...this.chips),
+    );
     this.leave();
   }
 
@@ -74,6 +77,9 @@ export class Dome {
     this.grip.setAttribute("cx", String(cx));
     this.grip.setAttribute("cy", String(cy));
     this.sunMarker.replaceChildren(drawSun([cx, cy], 4.5, parameters.sun ? "sun" : "sun pale"));
+    this.chips.forEach((chip, i) => {
+      chip.toggleAttribute("hidden", isCandidate(this.suns[i] as Candidate, parameters)); // its mark is there
+    });
   }
 
   /** The density in colours, by the palette of the style sheet; its scale ends at 1 per steradian or at the peak. */
@@ -102,7 +108,9 @@ export class Dome {
     }
     this.drawing.addEventListener("pointerleave", () => this.leave());
     this.drawing.addEventListener("click", (event) => {
-      if (this.moveTo(event)) this.onPick(this.at);
+      const chosen = this.suns[this.chips.findIndex((chip) => chip.contains(event.target as Node))];
+      if (chosen) this.onPick(chosen);
+      else if (this.moveTo(event)) this.onPick(this.at);
     });
     this.drawing.addEventListener("focus", () => {
       if (this.drawing.matches(":focus-visible")) this.read(this.at);
@@ -141,6 +149,18 @@ export class Dome {
     this.cursor.replaceChildren();
     this.readout.textContent = hintText();
   }
+}
+
+/** The number of a sun to choose, and room for a finger. */
+function drawChip({ azimuth, elevation }: Candidate, i: number): SVGElement {
+  const [cx, cy] = onDrawing(direction(azimuth, Math.max(elevation, 0)));
+  return createSvg(
+    "g",
+    { class: "candidate" },
+    createSvg("circle", { cx, cy, r: GRIP }),
+    createSvg("circle", { cx, cy, r: CHIP }),
+    drawText([cx, cy + 3.2], String(i + 1), "middle"),
+  );
 }
 
 function onDrawing(ray: Vector): Point {

@@ -3,7 +3,7 @@
 import type { Lighting, LightParameters } from "../api";
 import { arrowStep, byId, createSvg, drawPath, drawSun, drawText } from "../dom";
 import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from "../geometry/angles";
-import { type Camera, horizon, type Point, pixelRay, type SunMark, sunMark } from "../geometry/camera";
+import { type Camera, horizon, type Point, pixelRay, type Size, type SunMark, sunMark } from "../geometry/camera";
 import { photoOutline, placeShareLabels, type ShareLabel, splitAtSeam, sunRegions, toMap } from "../geometry/sphere";
 import { formatAzimuth, isSunny } from "../text/format";
 
@@ -145,9 +145,13 @@ export class SunHandle {
   private camera: Camera | undefined;
   private sun: Angles = { azimuth: 0, elevation: 0 };
   private grabbed: Drag | undefined;
+  private size: Size = { width: 0, height: 0 }; // of the picture, CSS pixels
 
   constructor(private readonly onMove: (sun: Angles) => void) {
-    new ResizeObserver(() => this.place()).observe(this.frame);
+    new ResizeObserver(() => {
+      this.size = this.frame.getBoundingClientRect();
+      this.place();
+    }).observe(this.frame);
     this.handle.addEventListener("pointerdown", (event) => this.begin(event));
     this.handle.addEventListener("pointermove", (event) => this.follow(event));
     for (const end of ["pointerup", "pointercancel"] as const) {
@@ -175,14 +179,8 @@ export class SunHandle {
   }
 
   private mark(): { x: number; y: number; inside: boolean } | undefined {
-    const { width, height } = this.frame.getBoundingClientRect();
-    if (!this.camera || width < 1) return undefined;
-    const { point, inside } = sunMark(
-      direction(this.sun.azimuth, this.sun.elevation),
-      this.camera,
-      { width, height },
-      EDGE,
-    );
+    if (!this.camera || this.size.width < 1) return undefined;
+    const { point, inside } = sunMark(direction(this.sun.azimuth, this.sun.elevation), this.camera, this.size, EDGE);
     return { x: point[0], y: point[1], inside };
   }
 

@@ -19,7 +19,7 @@ import {
 import { aspectRatio } from "../photo";
 import type { Stage } from "../scene/stage";
 import type { SceneLight } from "../sky/lighting";
-import { currentState, type EditState, FINISHES, type PhotoView, SHAPES } from "../state";
+import { cameraOf, currentState, type EditState, FINISHES, type PhotoView, SHAPES } from "../state";
 import { formatShort } from "../text/format";
 
 const KEYS = "Keys: arrows move it, < and > turn it, + and − scale it.";
@@ -71,16 +71,18 @@ export class ObjectView {
     this.view = view;
     this.startLoading();
     this.canvas.hidden = true;
-    const { photo, estimate } = view;
-    this.withStage((stage) => stage.setPhoto(photo.picture, estimate.camera));
+    this.withStage((stage) => stage.setPhoto(view.photo.picture));
   }
 
-  /** Shows the object in a state. */
-  show(state: EditState): void {
+  /** Shows the object as a view has it now. */
+  show(view: PhotoView): void {
+    const state = currentState(view);
     const { placement, shape, finish } = state;
-    const mask = state.inSun ? SUNLIT : (this.view?.groundMask ?? SUNLIT);
+    const camera = cameraOf(view);
+    const mask = state.inSun ? SUNLIT : view.groundMask;
     const inSun = this.standsInSun(state);
     this.withStage((stage) => {
+      stage.setCamera(camera);
       stage.setAppearance(shape, finish);
       stage.setGroundMask(mask);
       stage.setPlacement(placement, inSun);
@@ -103,7 +105,7 @@ export class ObjectView {
   }
 
   private foot(placement: Placement): Point | null {
-    return this.view ? footPoint(placement, this.view.estimate.camera, this.aspect) : null;
+    return this.view ? footPoint(placement, cameraOf(this.view), this.aspect) : null;
   }
 
   /** Moves the object to the nearest ground in the sun, or lights it where it stands if the photo shows none. */
@@ -129,8 +131,8 @@ export class ObjectView {
   light(light: SceneLight, view: PhotoView): void {
     this.withStage((stage) => {
       stage.setLight(light, currentState(view).parameters);
+      if (this.canvas.hidden) this.fit(stage);
       this.canvas.hidden = false;
-      this.fit(stage);
     });
   }
 

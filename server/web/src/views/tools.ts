@@ -1,12 +1,16 @@
-/** The tool bar of the photo: what a drag on it means. A loupe shows what is under the finger, and the light follows. */
+/** The tool bar of the photo: what a drag on it means. What is drawn can be dragged again, and the light follows. */
 
-import { addRadioButtons, byId, createElement, createSvg, drawPath, findRadio } from "../dom";
-import type { Point } from "../geometry/camera";
-import { shadowAzimuth } from "../geometry/marks";
-import type { PhotoView } from "../state";
+import { addRadioButtons, arrowStep, byId, createElement, createSvg, drawPath, findRadio } from "../dom";
+import { clamp } from "../geometry/angles";
+import { levelCamera, type Point, type Size } from "../geometry/camera";
+import { horizonEnds, shadowAzimuth } from "../geometry/marks";
+import type { ImagePart } from "../photo";
+import type { Live, PhotoView } from "../state";
+import { type End, type Mark, moveMarks, readMarks, writeMarks } from "../text/marks";
 import { DRAWN_FIELDS, type DrawnField, type UserInput } from "../text/metadata";
+import { Loupe } from "./loupe";
 
-const TOOLS = ["place", "sun", "shadow", "horizon", "size"] as const;
+const TOOLS = ["sun", "shadow", "horizon", "place", "size"] as const;
 type Tool = (typeof TOOLS)[number];
 
 /** What a drag of a tool draws. */
@@ -14,76 +18,119 @@ interface Kind {
   name: string;
   help: string;
   field: DrawnField;
+  ends: readonly string[]; // of each point, what it is
   prefix?: string; // of what it states
-  taps?: boolean; // whether one point is all that is asked for
+  next?: string; // what to do after the first of two lines
 }
 
 const HELP = {
   place: "Tap the ground, and the object stands there.",
   sun: "Drag anywhere: left and right turn the sun, up and down raise it.",
 };
+const BOTH = ["one end", "other end"];
 const KINDS: Record<"shadow" | "horizon" | "size", Kind[]> = {
   shadow: [
     {
       name: "Shadow from a foot to its tip",
       help: "Drag from the foot of a thing to the tip of its shadow.",
       field: "shadow",
+      ends: ["foot", "tip", "top"],
     },
     {
       name: "Shadow of my camera or hands",
       help: "Tap the shadow of your camera, or of the hands that hold it.",
       field: "shadow",
       prefix: "own:",
-      taps: true,
+      ends: ["of the camera"],
     },
-    { name: "Shadow of my head", help: "Tap the shadow of your head.", field: "shadow", prefix: "head:", taps: true },
+    {
+      name: "Shadow of my head",
+      help: "Tap the shadow of your head.",
+      field: "shadow",
+      prefix: "head:",
+      ends: ["of the head"],
+    },
     {
       name: "Shadow without a foot",
       help: "Drag along a straight edge of a shadow on the ground.",
       field: "shadow",
       prefix: "line:",
+      ends: BOTH,
     },
     {
       name: "Shadow on a wall, post or trunk",
       help: "Drag from the side in shade to the side in light.",
       field: "shadow",
       prefix: "lit:",
+      ends: ["side in shade", "side in light"],
     },
   ],
   horizon: [
-    { name: "Horizon", help: "Drag along the horizon, from left to right.", field: "horizon" },
-    { name: "Upright edges", help: "Drag along an edge that is upright, then along another.", field: "vertical" },
+    {
+      name: "Horizon",
+      help: "Drag the line to the horizon; drag its ends to tilt it.",
+      field: "horizon",
+      ends: ["left end", "right end"],
+    },
+    {
+      name: "Upright edges",
+      help: "Drag along an edge that is upright, then along another.",
+      field: "vertical",
+      ends: BOTH,
+    },
+    {
+      name: "Level edges",
+      help: "Drag along a level edge of a wall, then along another one that is parallel.",
+      field: "vertical",
+      prefix: "level:",
+      ends: [...BOTH, ...BOTH],
+      next: "Now along another level edge of the same wall.",
+    },
   ],
-  size: [{ name: "Size", help: "Drag from a thing's foot to its top; then say how high it is.", field: "reference" }],
+  size: [
+    {
+      name: "Size",
+      help: "Drag from a thing's foot to its top; then say how high it is.",
+      field: "reference",
+      ends: ["foot", "top"],
+    },
+  ],
 };
 const NAMES: Record<DrawnField, string> = {
   shadow: "Shadow",
   horizon: "Horizon",
-  vertical: "Upright edges",
+  vertical: "Edges",
   reference: "Size",
 };
 const LISTS: readonly DrawnField[] = ["shadow", "vertical"]; // to which another one is added
-const LOUPE = 128; // CSS pixels
-const ZOOM = 2.5; // of the loupe
-const AWAY = 96; // CSS pixels from the finger to the loupe's middle
 const SHORTEST = 12; // CSS pixels of a drag that counts
+const GRIP = 28; // CSS pixels around an end, from which a finger drags it
+const STEP = 1; // CSS pixels of a key; with Shift ten of them
+const REST = 600; // ms without a key, after which the service is asked
 
 /** What the page does with gestures. */
 interface Actions {
-  turnSun: (azimuth: number) => void; // while a shadow is drawn
+  preview: (live: Live | undefined) => void; // while something is drawn
   forward: (event: PointerEvent) => void; // of the tool for the sun
   state: (userInput: UserInput) => void; // asks the service anew
 }
 
+/** What a finger drags: an end of a mark; a whole mark, from that point; or a new line, of which `points` were drawn. */
+type Drag = { end: End; marks: Mark[] } | { from: Point; marks: Mark[] } | { points: Point[] };
+
 export class Tools {
   private readonly pad = byId<SVGSVGElement>("pad");
-  private readonly loupe = byId<HTMLCanvasElement>("loupe");
+  private readonly grips = byId("grips");
+  private readonly loupe = new Loupe();
   private readonly meters = byId<HTMLInputElement>("meters");
   private readonly kinds = byId<HTMLSelectElement>("kinds");
   private view: PhotoView | undefined;
+  private asked: UserInput | undefined; // by what was drawn last, until that is answered
   private tool: Tool = "place";
-  private start: Point | undefined;
-  private end: Point | undefined;
+  private size: Size = { width: 0, height: 0 }; // of the pad, CSS pixels
+  private drag: Drag | undefined;
+  private first: Point[] = []; // of two lines, the one that was drawn
+  private resting: ReturnType<typeof setTimeout> | undefined; // after a key
 
   constructor(private readonly actions: Actions) {
     addRadioButtons(byId("tools"), TOOLS, (tool) => this.choose(tool));
@@ -94,14 +141,19 @@ export class Tools {
     this.kinds.addEventListener("change", () => this.explain());
     byId("size-form").addEventListener("submit", (event) => {
       event.preventDefault();
-      if (this.kind) this.state(this.kind, this.meters.value);
+      if (this.drag && "points" in this.drag) this.state(this.withNew(this.drag.points, this.meters.value));
     });
+    new ResizeObserver(() => {
+      this.measure();
+      this.draw();
+    }).observe(this.pad);
     this.choose("place");
   }
 
   /** Another photo, or another answer about it. Tools that draw are for one photo whose pixels this browser knows. */
   show(view: PhotoView, alone: boolean): void {
     this.view = view;
+    this.asked = undefined;
     const draws = alone && view.photo.area !== undefined;
     for (const tool of Object.keys(KINDS)) findRadio(byId("tools"), tool).disabled = !draws;
     if (!draws && this.tool in KINDS) this.choose("place");
@@ -109,14 +161,12 @@ export class Tools {
     byId("drawn").replaceChildren(...drawn.map((field) => createElement("li", {}, this.chip(field))));
     const asked = view.estimate.warnings.filter((_, i) => view.estimate.warning_codes?.[i] === "shadow-contradicted");
     byId("tool-warning").textContent = asked.join(" ");
-    this.clear();
+    this.draw();
   }
 
   private chip(field: DrawnField): HTMLButtonElement {
     const button = createElement("button", { type: "button", title: "Take it away" }, `${NAMES[field]} ×`);
-    button.addEventListener("click", () => {
-      if (this.view) this.actions.state({ ...this.view.userInput, [field]: "" });
-    });
+    button.addEventListener("click", () => this.state({ [field]: "" }));
     return button;
   }
 
@@ -127,6 +177,8 @@ export class Tools {
     this.kinds.replaceChildren(...kinds.map(({ name }, i) => new Option(name, String(i))));
     this.kinds.hidden = kinds.length < 2;
     this.pad.toggleAttribute("hidden", tool === "place");
+    byId("frame").dataset.tool = tool;
+    this.measure();
     this.explain();
   }
 
@@ -137,112 +189,272 @@ export class Tools {
 
   private explain(): void {
     byId("tool-help").textContent = this.kind?.help ?? HELP[this.tool as keyof typeof HELP];
+    this.first = [];
     this.clear();
   }
 
+  /** Forgets a gesture that is not finished. */
   private clear(): void {
-    this.start = undefined;
-    this.end = undefined;
-    this.loupe.hidden = true;
+    this.drag = undefined;
+    this.loupe.hide();
     byId("size-form").hidden = true;
-    this.pad.replaceChildren();
+    if (this.view?.live && !this.asked) this.actions.preview(undefined);
+    this.draw();
+  }
+
+  /** What the user says of the photo, with what the service has not answered yet. */
+  private get said(): UserInput | undefined {
+    return this.asked ?? this.view?.userInput;
+  }
+
+  /** The marks that can be dragged: of the tool's field, and the estimated horizon until one is stated. */
+  private get marks(): Mark[] {
+    if (this.drag && "marks" in this.drag) return this.drag.marks;
+    if (!this.kind || !this.said || !this.view) return [];
+    const stated = readMarks(this.said[this.kind.field]);
+    if (this.kind.field !== "horizon" || stated.length) return stated;
+    const points = horizonEnds(this.view.estimate.camera, this.size).map((point) => this.toPhoto(point));
+    return [{ prefix: "", points, meters: "" }];
   }
 
   private begin(event: PointerEvent): void {
     if (event.button !== 0) return;
     event.preventDefault();
     this.pad.setPointerCapture(event.pointerId);
-    this.clear();
-    if (this.tool === "sun") this.actions.forward(event);
-    else this.start = this.pointOf(event);
+    if (this.tool === "sun") {
+      this.actions.forward(event);
+      return;
+    }
+    const at = this.pointOf(event);
+    const { marks } = this;
+    const end = this.endAt(at, marks);
+    byId("size-form").hidden = true;
+    if (end) this.drag = { end, marks };
+    else if (this.kind?.field === "horizon") this.drag = { from: this.toPhoto(at), marks };
+    else this.drag = { points: [this.toPhoto(at)] };
     this.follow(event);
+  }
+
+  /** The nearest end under a finger. */
+  private endAt(at: Point, marks: readonly Mark[]): End | undefined {
+    const away = (point: Point): number => {
+      const [x, y] = this.toPad(point);
+      return Math.hypot(x - at[0], y - at[1]);
+    };
+    const ends = marks.flatMap(({ points }, i) =>
+      points.map((point, j) => ({ end: [i, j] as const, far: away(point) })),
+    );
+    return ends.filter(({ far }) => far <= GRIP).sort((a, b) => a.far - b.far)[0]?.end;
   }
 
   private follow(event: PointerEvent): void {
     if (this.tool === "sun" && event.type === "pointermove") this.actions.forward(event);
-    if (!this.start || !event.buttons) return;
-    this.end = this.pointOf(event);
+    if (!this.drag || !event.buttons) return;
+    const at = this.pointOf(event);
+    const to = this.toPhoto(at);
+    if ("end" in this.drag) this.drag.marks = moveEnd(this.drag.marks, this.drag.end, to);
+    else if ("from" in this.drag) {
+      this.drag.marks = this.shift(this.drag.marks, to[1] - this.drag.from[1]);
+      this.drag.from = to;
+    } else this.drag.points = [this.drag.points[0] ?? to, to];
     this.draw();
-    this.drawLoupe(this.end);
-    if (this.tool !== "shadow" || this.kind?.prefix || !this.isLongEnough() || !this.view) return;
-    const azimuth = shadowAzimuth(this.start, this.end, this.view.estimate.camera, this.size());
-    if (azimuth !== undefined) this.actions.turnSun(azimuth);
+    if (this.view) this.loupe.show(this.view.photo.picture, at, this.size);
+    this.preview();
+  }
+
+  /** Marks moved down as a whole, as far as the picture goes. */
+  private shift(marks: Mark[], down: number): Mark[] {
+    const { top, height } = this.area;
+    const rows = marks.flatMap(({ points }) => points.map(([, y]) => y));
+    const most = clamp(down, top - Math.min(...rows), top + height - Math.max(...rows));
+    return moveMarks(marks, ([x, y]) => [x, y + most]);
+  }
+
+  /** Shows at once what follows from a horizon or from a shadow with its foot. */
+  private preview(): void {
+    const { view, kind, drag } = this;
+    if (!view || !drag) return;
+    const moved = "points" in drag ? undefined : drag.marks["end" in drag ? drag.end[0] : 0];
+    const [from, to] = (moved?.points ?? ("points" in drag ? drag.points : [])).map((point) => this.toPad(point));
+    if (!from || !to || Math.hypot(to[0] - from[0], to[1] - from[1]) < SHORTEST) return;
+    const { camera } = view.estimate;
+    if (kind?.field === "horizon") this.actions.preview({ camera: levelCamera(camera, [from, to], this.size) });
+    else if (kind?.field === "shadow" && !(moved ?? kind).prefix) {
+      const azimuth = shadowAzimuth(from, to, camera, this.size);
+      if (azimuth !== undefined) this.actions.preview({ parameters: { sun_azimuth: azimuth, sun: true } });
+    }
   }
 
   private finish(event: PointerEvent): void {
-    this.loupe.hidden = true;
+    this.loupe.hide();
+    const { drag, kind } = this;
     if (this.tool === "sun") this.actions.forward(event);
-    else if (!this.start || !this.kind || !(this.isLongEnough() || this.kind.taps)) this.clear();
+    else if (drag && kind && "marks" in drag) this.stateMarks(drag.marks);
+    else if (!drag || !kind || !("points" in drag)) this.clear();
+    else if (kind.ends.length === 1) this.state(this.withNew(drag.points.slice(-1)));
+    else if (!this.isLongEnough(drag.points)) this.clear();
     else if (this.tool === "size") {
       byId("size-form").hidden = false;
       this.meters.focus();
       this.meters.select();
-    } else this.state(this.kind);
+    } else if (kind.next && !this.first.length) {
+      this.first = drag.points;
+      byId("tool-help").textContent = kind.next;
+      this.clear();
+    } else this.state(this.withNew([...this.first, ...drag.points]));
+  }
+
+  /** What is said with a new mark of the tool. */
+  private withNew(points: Point[], meters = ""): Partial<UserInput> {
+    const { kind, said } = this;
+    if (!kind || !said) return {};
+    const before = LISTS.includes(kind.field) ? readMarks(said[kind.field]) : [];
+    return { [kind.field]: writeMarks([...before, { prefix: kind.prefix ?? "", points, meters }]) };
+  }
+
+  /** Says where marks were dragged to, if they were. */
+  private stateMarks(marks: Mark[]): void {
+    this.drag = undefined;
+    const text = writeMarks(marks);
+    if (this.kind && text !== writeMarks(this.marks)) this.state({ [this.kind.field]: text });
+    else this.clear();
   }
 
   /** Asks for the answer with what was drawn. */
-  private state({ field, prefix = "", taps }: Kind, ...more: string[]): void {
-    const area = this.view?.photo.area;
-    if (!this.view || !area || !this.start || !this.end) return;
-    const { width, height } = this.size();
-    const points = taps ? [this.end] : [this.start, this.end];
-    const pixels = points.flatMap(([x, y]) => [
-      (area.left + (x / width) * area.width).toFixed(1),
-      (area.top + (y / height) * area.height).toFixed(1),
-    ]);
-    const text = prefix + [...pixels, ...more].join(",");
-    const before = this.view.userInput[field];
-    this.actions.state({
-      ...this.view.userInput,
-      [field]: before && LISTS.includes(field) ? `${before};${text}` : text,
-    });
+  private state(part: Partial<UserInput>): void {
+    if (!this.said) return;
+    this.asked = { ...this.said, ...part };
+    this.explain();
+    this.actions.state(this.asked);
   }
 
-  private isLongEnough(): boolean {
-    if (!this.start || !this.end) return false;
-    return Math.hypot(this.end[0] - this.start[0], this.end[1] - this.start[1]) >= SHORTEST;
+  private isLongEnough(points: Point[]): boolean {
+    const [from, to] = points.map((point) => this.toPad(point));
+    return from !== undefined && to !== undefined && Math.hypot(to[0] - from[0], to[1] - from[1]) >= SHORTEST;
   }
 
-  private size(): { width: number; height: number } {
+  private measure(): void {
     const { width, height } = this.pad.getBoundingClientRect();
-    return { width, height };
+    this.size = { width, height };
+  }
+
+  private get area(): ImagePart {
+    return this.view?.photo.area ?? { left: 0, top: 0, width: 1, height: 1 };
+  }
+
+  private toPad([x, y]: Point): Point {
+    const { left, top, width, height } = this.area;
+    return [((x - left) / width) * this.size.width, ((y - top) / height) * this.size.height];
+  }
+
+  private toPhoto([x, y]: Point): Point {
+    const { left, top, width, height } = this.area;
+    return [left + (x / this.size.width) * width, top + (y / this.size.height) * height];
   }
 
   private pointOf(event: PointerEvent): Point {
     const { left, top, width, height } = this.pad.getBoundingClientRect();
-    const within = (value: number, most: number): number => Math.min(Math.max(value, 0), most);
-    return [within(event.clientX - left, width), within(event.clientY - top, height)];
+    return [clamp(event.clientX - left, 0, width), clamp(event.clientY - top, 0, height)];
   }
 
+  /** Draws the marks of the tool, what is being drawn, and the grips of all ends. */
   private draw(): void {
-    if (!this.start || !this.end) return;
-    const { width, height } = this.size();
+    const { width, height } = this.size;
+    if (width < 1) return;
     this.pad.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const line = [this.start, this.end];
-    const [cx, cy] = this.start;
-    this.pad.replaceChildren(drawPath(line, "rim"), drawPath(line, "line"), createSvg("circle", { cx, cy, r: 6 }));
+    const marks = this.marks.map(({ points }) => points.map((point) => this.toPad(point)));
+    const drawn = this.drag && "points" in this.drag ? this.drag.points : [];
+    const lines = [...marks, ...[this.first, drawn].map((points) => points.map((point) => this.toPad(point)))];
+    const isHorizon = this.kind?.field === "horizon";
+    this.pad.replaceChildren(...lines.flatMap((points) => drawMark(points, isHorizon ? width : 0)));
+    this.drawGrips(marks);
   }
 
-  /** The photo around a point, above the finger or, near the upper edge, below it. */
-  private drawLoupe([x, y]: Point): void {
-    const context = this.loupe.getContext("2d");
-    if (!context || !this.view) return;
-    const { picture } = this.view.photo;
-    const { width, height } = this.size();
-    const scale = picture.width / width;
-    const side = (LOUPE / ZOOM) * scale;
-    this.loupe.hidden = false;
-    this.loupe.style.left = `${Math.min(Math.max(x - LOUPE / 2, 0), width - LOUPE)}px`;
-    this.loupe.style.top = `${(y > AWAY + LOUPE / 2 ? y - AWAY : Math.min(y + AWAY, height - LOUPE / 2)) - LOUPE / 2}px`;
-    context.fillStyle = "#000";
-    context.fillRect(0, 0, LOUPE, LOUPE);
-    context.drawImage(picture, x * scale - side / 2, y * scale - side / 2, side, side, 0, 0, LOUPE, LOUPE);
-    context.strokeStyle = "#fff";
-    context.beginPath();
-    context.moveTo(LOUPE / 2, LOUPE / 2 - 12);
-    context.lineTo(LOUPE / 2, LOUPE / 2 + 12);
-    context.moveTo(LOUPE / 2 - 12, LOUPE / 2);
-    context.lineTo(LOUPE / 2 + 12, LOUPE / 2);
-    context.stroke();
+  /** Grips for keys: of each end, and of the horizon as a whole. They stay while they have the focus. */
+  private drawGrips(marks: Point[][]): void {
+    const grips = marks.flatMap((points, i) =>
+      points.map((point, j) => ({ point, end: [i, j] as End | undefined, name: this.nameOf([i, j]) })),
+    );
+    const [from, to] = marks[0] ?? [];
+    if (this.kind?.field === "horizon" && from && to) {
+      const middle = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2] as const;
+      grips.splice(1, 0, { point: middle, end: undefined, name: "Horizon" });
+    }
+    while (this.grips.children.length > grips.length) this.grips.lastElementChild?.remove();
+    const { width, height } = this.size;
+    grips.forEach(({ point: [x, y], end, name }, i) => {
+      const grip = (this.grips.children[i] ?? this.grips.appendChild(this.createGrip())) as HTMLElement;
+      const [right, down] = [Math.round((100 * x) / width), Math.round((100 * y) / height)];
+      grip.ariaLabel = name;
+      grip.ariaValueNow = String(down);
+      grip.ariaValueText = `${right} % from the left, ${down} % from the top`;
+      grip.dataset.end = end?.join(" ") ?? "";
+      Object.assign(grip.style, { left: `${x}px`, top: `${y}px` });
+    });
   }
+
+  private nameOf([mark, point]: End): string {
+    const { prefix = "" } = this.marks[mark] ?? {};
+    const kinds = KINDS[this.tool as keyof typeof KINDS] ?? [];
+    const kind = kinds.find((one) => one.field === this.kind?.field && (one.prefix ?? "") === prefix) ?? this.kind;
+    return `${kind?.name}: ${kind?.ends[point] ?? point + 1}`;
+  }
+
+  private createGrip(): HTMLElement {
+    const grip = createElement("div", { tabIndex: 0, role: "slider", ariaValueMin: "0", ariaValueMax: "100" });
+    grip.addEventListener("keydown", (event) => this.key(event, grip));
+    grip.addEventListener("blur", () => this.settle());
+    return grip;
+  }
+
+  /** An arrow key moves an end, or the horizon up and down. */
+  private key(event: KeyboardEvent, grip: HTMLElement): void {
+    const step = arrowStep(event, event.shiftKey ? 10 * STEP : STEP);
+    if (!step) return;
+    event.preventDefault();
+    const [mark, point] = (grip.dataset.end ?? "").split(" ").map(Number);
+    const { marks } = this;
+    if (mark === undefined || point === undefined) {
+      const down = (-step[1] * this.area.height) / this.size.height;
+      this.drag = { from: [0, 0], marks: this.shift(marks, down) };
+    } else {
+      const [x, y] = this.toPad(marks[mark]?.points[point] ?? [0, 0]);
+      const { width, height } = this.size;
+      const to = this.toPhoto([clamp(x + step[0], 0, width), clamp(y - step[1], 0, height)]);
+      this.drag = { end: [mark, point], marks: moveEnd(marks, [mark, point], to) };
+    }
+    this.draw();
+    this.preview();
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => this.settle(), REST);
+  }
+
+  /** Says what keys have moved. */
+  private settle(): void {
+    if (this.resting === undefined) return;
+    clearTimeout(this.resting);
+    this.resting = undefined;
+    if (this.drag && "marks" in this.drag) this.stateMarks(this.drag.marks);
+  }
+}
+
+const moveEnd = (marks: Mark[], [mark, point]: End, to: Point): Mark[] =>
+  moveMarks(marks, (old, [i, j]) => (i === mark && j === point ? to : old));
+
+/** The lines of a mark with its ends; where `width` is not 0, its one line goes on to both sides of a picture so wide. */
+function drawMark(points: readonly Point[], width: number): SVGElement[] {
+  const [foot, ...others] = points;
+  const lines = points.length === 3 ? others.map((end) => [foot, end]) : [points.slice(0, 2), points.slice(2)];
+  const drawn = lines.flatMap(([from, to]) => {
+    if (!from || !to) return [];
+    const line = width ? [extend(to, from, width), extend(from, to, width)] : [from, to];
+    return [drawPath(line, "rim"), drawPath(line, "line")];
+  });
+  return [...drawn, ...points.map(([cx, cy]) => createSvg("circle", { cx, cy, r: 7 }))];
+}
+
+/** The point that lies so far beyond `to`, as seen from `from`. */
+function extend([x, y]: Point, to: Point, by: number): Point {
+  const length = Math.max(Math.hypot(to[0] - x, to[1] - y), 1e-9);
+  return [to[0] + ((to[0] - x) * by) / length, to[1] + ((to[1] - y) * by) / length];
 }
