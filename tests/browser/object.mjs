@@ -21,7 +21,14 @@ export async function visit(browser, url, seen, { small, groundMask, model, wide
   await movePlacement(page, seen, folder);
   await changeMaterial(page, seen, folder);
   await press(page.locator('#shapes input[value="teapot"]'));
-  seen.turntable = await saved(page, "#get-turntable", folder, "turntable.webp");
+  seen.turntables = [await saved(page, "#get-turntable", folder, "turntable.webp")];
+  await page.evaluate(() => {
+    const { toBlob } = HTMLCanvasElement.prototype;
+    HTMLCanvasElement.prototype.toBlob = function (done) {
+      toBlob.call(this, done, "image/png"); // as Safari, which writes no WebP
+    };
+  });
+  seen.turntables.push(await saved(page, "#get-turntable", folder, "turntable.gif"));
   await useOwnModel(page, seen, model, folder);
   await moveSun(page, seen, folder);
   await page.context().close();

@@ -432,6 +432,9 @@ class TestTools:
         assert (seen["chips"], pressed) == (3, "true")
         assert picked != undone
 
+    def test_they_are_on_the_photo_and_on_the_compass_too(self, seen: Seen) -> None:
+        assert seen["chipsElsewhere"] == [[seen["picked"][1], True]] * 2  # the sun's own mark is there then
+
     def test_the_sun_follows_a_shadow_while_it_is_drawn(self, seen: Seen) -> None:
         before, live = seen["live"]
         assert before != live
@@ -578,11 +581,13 @@ class TestObject:
         assert np.abs(without[place] - SUNLIT).max() < 12
         assert np.abs(with_object[place] - without[place]).mean() > 15
 
-    def test_a_turntable_is_an_animated_webp(self, seen: Seen, folder: Path) -> None:
-        assert seen["turntable"] == "small-turntable.webp"
-        with Image.open(folder / "turntable.webp") as turntable:
-            assert (turntable.format, turntable.info["loop"]) == ("WEBP", 0)
+    @pytest.mark.parametrize("suffix", ["webp", "gif"])
+    def test_a_turntable_is_an_animated_webp_or_gif(self, seen: Seen, folder: Path, suffix: str) -> None:
+        assert f"small-turntable.{suffix}" in seen["turntables"]
+        with Image.open(folder / f"turntable.{suffix}") as turntable:
+            assert (turntable.format, turntable.info["loop"]) == (suffix.upper(), 0)
             frames = [np.asarray(frame.convert("RGB"), np.float64) for frame in ImageSequence.Iterator(turntable)]
+            assert turntable.info["duration"] == 80
         assert len(frames) == 36
         assert np.abs(frames[9] - frames[0]).max() > 40  # the teapot's spout is elsewhere
         assert np.abs(frames[9] - frames[0])[0].max() < 12  # the sky is not

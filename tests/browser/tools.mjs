@@ -13,6 +13,14 @@ export async function visit(browser, url, seen, { street }) {
   await page.click("#undo");
   seen.picked.push(await direction(page));
 
+  seen.chipsElsewhere = [];
+  for (const selector of ["#sun-chips button:nth-child(2)", "#dome .candidate:nth-of-type(2) text"]) {
+    await page.locator(selector).scrollIntoViewIfNeeded();
+    await page.locator(selector).click();
+    seen.chipsElsewhere.push([await direction(page), await page.isHidden(selector)]);
+    await page.click("#undo");
+  }
+
   await page.locator("#tools label", { hasText: "shadow" }).click();
   const at = await picture(page);
   seen.live = [await direction(page)];

@@ -77,13 +77,34 @@ export function createView(
 ): PhotoView {
   const initial: EditState = {
     ...(before ? currentState(before) : UNTOUCHED),
-    parameters: parametersFromRecord(estimate),
+    parameters:
+      before && saysCameraAlone(before.userInput, userInput)
+        ? keptLight(before, estimate)
+        : parametersFromRecord(estimate),
     placement: (before && keptPlacement(before, estimate)) ?? placementOf(estimate, photo),
   };
   return {
     ...{ photo, userInput, together, estimate, history: new History(initial) },
     irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] },
     groundMask: SUNLIT,
+  };
+}
+
+const OF_CAMERA: (keyof UserInput)[] = ["horizon", "vertical", "reference", "vertical_fov", "camera_height"];
+
+const saysCameraAlone = (before: UserInput, after: UserInput): boolean =>
+  (Object.keys(after) as (keyof UserInput)[]).every((name) => before[name] === after[name] || OF_CAMERA.includes(name));
+
+/** The light of an estimate with what the user has changed of an earlier one. */
+function keptLight(before: PhotoView, estimate: Estimate): LightParameters {
+  const [was, now] = [parametersFromRecord(before.estimate), parametersFromRecord(estimate)];
+  const edited = before.history.state.parameters;
+  const changed = Object.entries(edited).filter(([name, value]) => value !== was[name as keyof LightParameters]);
+  const isMoved = edited.sun_azimuth !== was.sun_azimuth || edited.sun_elevation !== was.sun_elevation;
+  return {
+    ...{ ...now, ...Object.fromEntries(changed) },
+    ...(isMoved ? { sun_azimuth: edited.sun_azimuth, sun_elevation: edited.sun_elevation } : {}),
+    exposure: (now.exposure * edited.exposure) / was.exposure, // in stops against the estimate
   };
 }
 

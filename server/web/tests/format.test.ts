@@ -174,7 +174,7 @@ describe("light in words", () => {
     expect([-2, 3, 10, 24, 50, 80].map((elevation) => describeHeight(elevation).text)).toEqual([
       ...["below the horizon", "on the horizon", "low", "medium", "high", "overhead"],
     ]);
-    expect(describeHaze(6.5)).toEqual({ text: "hazy", hint: "6.5" });
+    expect(describeHaze(6.5)).toEqual({ text: "hazy", hint: "" });
   });
 
   it("counts the exposure from the photo's", () => {

@@ -18,11 +18,12 @@ import {
   shiftPlacement,
 } from "../src/geometry/placement";
 import { History } from "../src/history";
-import { imagePart } from "../src/photo";
+import { imagePart, type Photo } from "../src/photo";
 import {
   buildRecord,
   cameraOf,
   cameraOverrides,
+  createView,
   currentState,
   type EditState,
   overridesFromParameters,
@@ -256,6 +257,32 @@ describe("a gesture under way", () => {
     const shown = currentState(live).placement;
     expect(footPoint(shown, cameraOf(live), 1.5)).toEqual([expect.closeTo(x, 9), expect.closeTo(y, 9)]);
     expect(shown.position).not.toEqual(placement.position);
+  });
+});
+
+describe("another answer about a photo", () => {
+  const record = (azimuth: number): Estimate =>
+    ({
+      sun: { azimuth, elevation: 30, visibility: 1 },
+      sky: { turbidity: 3, exposure: 2, ground_albedo: 0.3 },
+      camera: CAMERA,
+    }) as Estimate;
+  const photo = { picture: { width: 300, height: 200 } } as unknown as Photo;
+  const edited = (): PhotoView => {
+    const view = createView(photo, record(10), NO_USER_INPUT, false);
+    const { parameters } = view.history.state;
+    view.history.push({ ...view.history.state, parameters: { ...parameters, sun_azimuth: -80, exposure: 4 } }, "sun");
+    return view;
+  };
+  const parametersAfter = (said: Partial<typeof NO_USER_INPUT>): EditState["parameters"] =>
+    currentState(createView(photo, record(20), { ...NO_USER_INPUT, ...said }, false, edited())).parameters;
+
+  it("keeps what was done to the light where the camera alone was corrected", () => {
+    expect(parametersAfter({ horizon: "1,2,3,4" })).toMatchObject({ sun_azimuth: -80, sun_elevation: 30, exposure: 4 });
+  });
+
+  it("shows its own sun where more is known of that", () => {
+    expect(parametersAfter({ horizon: "1,2,3,4", shadow: "1,2,3,4" })).toMatchObject({ sun_azimuth: 20, exposure: 2 });
   });
 });
 

@@ -186,26 +186,27 @@ export class Stage {
     this.draw();
   }
 
-  /** The object turned once around, as an animated WebP. */
+  /** The object turned once around, as an animated WebP, or as a GIF where the browser writes no WebP. */
   async drawTurntable(): Promise<Blob> {
     const drawn = this.renderer.domElement;
     const width = Math.min(drawn.width, TURNTABLE.width);
     const height = Math.round((width * drawn.height) / drawn.width);
     const canvas = Object.assign(document.createElement("canvas"), { width, height });
     const context = canvas.getContext("2d", { alpha: false });
+    if (!context) throw new Error("This browser draws no pictures.");
     const start = this.object.rotation.y;
-    const frames: ArrayBuffer[] = [];
+    const frames: (ArrayBuffer | ImageData)[] = [];
     for (let i = 0; i < TURNTABLE.frames; i++) {
       this.object.rotation.y = start + (2 * Math.PI * i) / TURNTABLE.frames;
       this.renderer.render(this.scene, this.camera);
-      context?.drawImage(drawn, 0, 0, width, height);
+      context.drawImage(drawn, 0, 0, width, height);
       this.object.rotation.y = start; // whatever else is drawn meanwhile
       const frame = await new Promise<Blob | null>((resolve) => canvas.toBlob(resolve, "image/webp", 0.82));
-      frames.push((await frame?.arrayBuffer()) ?? new ArrayBuffer(0));
+      const isWebp = frame?.type === "image/webp"; // else it is a PNG
+      frames.push(isWebp ? await frame.arrayBuffer() : context.getImageData(0, 0, width, height));
     }
     this.draw();
-    const file = animateWebp(frames, width, height, TURNTABLE.milliseconds);
-    return new Blob([file as Uint8Array<ArrayBuffer>], { type: "image/webp" });
+    return writeTurntable(frames, width, height);
   }
 
   /** The light's box follows the object alone: what it shades lies along the beam, however long the shadow. */
@@ -229,6 +230,19 @@ export class Stage {
       this.renderer.render(this.scene, this.camera);
     });
   }
+}
+
+async function writeTurntable(
+  frames: readonly (ArrayBuffer | ImageData)[],
+  width: number,
+  height: number,
+): Promise<Blob> {
+  const webps = frames.filter((frame) => frame instanceof ArrayBuffer);
+  if (webps.length === frames.length)
+    return new Blob([animateWebp(webps, width, height, TURNTABLE.milliseconds)], { type: "image/webp" });
+  const { animateGif } = await import("./gif");
+  const pictures = frames.filter((frame) => frame instanceof ImageData);
+  return new Blob([animateGif(pictures, TURNTABLE.milliseconds)], { type: "image/gif" });
 }
 
 const vector = ([x, y, z]: Vector): Vector3 => new Vector3(x, y, z);

@@ -3,7 +3,12 @@
 const FRAME_CHUNKS = ["ALPH", "VP8 ", "VP8L"];
 
 /** The frames of WebP files of one size, one after another, again and again, each for so many milliseconds. */
-export function animateWebp(files: ArrayBuffer[], width: number, height: number, milliseconds: number): Uint8Array {
+export function animateWebp(
+  files: ArrayBuffer[],
+  width: number,
+  height: number,
+  milliseconds: number,
+): Uint8Array<ArrayBuffer> {
   const size = [...little(width - 1, 3), ...little(height - 1, 3)];
   const header = chunk("VP8X", Uint8Array.from([2, 0, 0, 0, ...size])); // 2: it is an animation
   const loop = chunk("ANIM", new Uint8Array(6)); // without an end
@@ -13,11 +18,10 @@ export function animateWebp(files: ArrayBuffer[], width: number, height: number,
   return chunk("RIFF", ascii("WEBP"), header, loop, ...frames);
 }
 
-/** What of a WebP is its picture; throws an Error for another file, as some browsers write. */
+/** What of a WebP is its picture. */
 function pictureChunks(file: ArrayBuffer): Uint8Array[] {
   const bytes = new Uint8Array(file);
   const name = (at: number): string => String.fromCharCode(...bytes.subarray(at, at + 4));
-  if (name(8) !== "WEBP") throw new Error("This browser writes no WebP. Chrome, Edge and Firefox do.");
   const chunks: Uint8Array[] = [];
   for (let at = 12; at + 8 <= bytes.length; ) {
     const length = new DataView(file).getUint32(at + 4, true);
@@ -32,7 +36,7 @@ const ascii = (text: string): Uint8Array => new TextEncoder().encode(text);
 const little = (value: number, count: number): number[] =>
   Array.from({ length: count }, (_, i) => Math.floor(value / 256 ** i) % 256);
 
-function chunk(name: string, ...parts: Uint8Array[]): Uint8Array {
+function chunk(name: string, ...parts: Uint8Array[]): Uint8Array<ArrayBuffer> {
   const length = parts.reduce((sum, part) => sum + part.length, 0);
   const bytes = new Uint8Array(8 + length + (length % 2));
   bytes.set([...ascii(name), ...little(length, 4)]);

@@ -201,7 +201,7 @@ export const describeHeight = (elevation: number): Wording => ({
 
 export const describeHaze = (turbidity: number): Wording => ({
   text: wordFor(HAZES, turbidity),
-  hint: turbidity.toFixed(1),
+  hint: "", // its number is for the model alone
 });
 
 /** Exposure against the estimate's. */

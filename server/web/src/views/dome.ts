@@ -94,7 +94,7 @@ export class Dome {
   private listen(): void {
     this.grip.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false }); // which would scroll
     this.drawing.addEventListener("pointerdown", (event) => {
-      this.dragging = event.pointerType === "mouse" || event.target === this.grip;
+      this.dragging = event.target === this.grip || (event.pointerType === "mouse" && !this.candidateAt(event));
       if (this.dragging) this.drawing.setPointerCapture(event.pointerId);
     });
     this.drawing.addEventListener("pointermove", (event) => {
@@ -108,7 +108,7 @@ export class Dome {
     }
     this.drawing.addEventListener("pointerleave", () => this.leave());
     this.drawing.addEventListener("click", (event) => {
-      const chosen = this.suns[this.chips.findIndex((chip) => chip.contains(event.target as Node))];
+      const chosen = this.candidateAt(event);
       if (chosen) this.onPick(chosen);
       else if (this.moveTo(event)) this.onPick(this.at);
     });
@@ -117,6 +117,10 @@ export class Dome {
     });
     this.drawing.addEventListener("blur", () => this.leave());
     this.drawing.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  private candidateAt({ target }: Event): Candidate | undefined {
+    return this.suns[this.chips.findIndex((chip) => chip.contains(target as Node))];
   }
 
   private moveTo(event: MouseEvent): boolean {

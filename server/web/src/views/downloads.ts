@@ -16,13 +16,18 @@ import { type SnippetInput, writeCurl, writePython } from "../text/snippets";
 
 type FetchFile = (view: PhotoView) => Promise<Blob>;
 
+/** What a button saves. */
+interface FileToSave {
+  suffix: string; // of the photo's name
+  fetchFile: FetchFile;
+  hasManyTypes?: boolean; // whether the file's own type ends its name
+}
+
 /** What the primary button downloads: a scene for a tool, or a map. */
-interface Target {
+interface Target extends FileToSave {
   value: string;
   label: string;
   isMap: boolean;
-  suffix: string;
-  fetchFile: FetchFile;
 }
 
 const TOOL_LABELS: Record<string, string> = {
@@ -44,7 +49,7 @@ export class Downloads {
     private readonly onError: (error: unknown) => void,
     drawTurntable: () => Promise<Blob>,
   ) {
-    this.listen(byId("get-turntable"), () => ({ suffix: "-turntable.webp", fetchFile: drawTurntable }));
+    this.listen(byId("get-turntable"), () => ({ suffix: "-turntable", fetchFile: drawTurntable, hasManyTypes: true }));
     this.listen(byId("get-json"), () => ({ suffix: ".json", fetchFile: createRecordFile }));
     this.listen(byId("save-project"), () => ({ suffix: ".project.json", fetchFile: createProjectFile }));
     byId("copy-link").addEventListener("click", () => this.copyLink());
@@ -100,16 +105,17 @@ export class Downloads {
     );
   }
 
-  private listen(button: HTMLElement, target: () => Pick<Target, "suffix" | "fetchFile"> | undefined): void {
+  private listen(button: HTMLElement, target: () => FileToSave | undefined): void {
     button.addEventListener("click", async () => {
       const view = await this.settle();
       const wanted = target();
       if (!view || !wanted) return;
-      const name = `${view.photo.file.name.replace(/\.\w+$/, "") || "photo"}${wanted.suffix}`;
+      const made = `${view.photo.file.name.replace(/\.\w+$/, "") || "photo"}${wanted.suffix}`;
       button.setAttribute("aria-busy", "true");
-      byId("saved").textContent = `Making ${name}…`;
+      byId("saved").textContent = `Making ${made}…`;
       try {
         const blob = await wanted.fetchFile(view);
+        const name = wanted.hasManyTypes ? `${made}.${blob.type.replace("image/", "")}` : made;
         saveFile(blob, name);
         byId("saved").textContent = `Saved ${name} (${formatSize(blob.size)}).`;
       } catch (error) {

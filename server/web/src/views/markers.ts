@@ -8,7 +8,8 @@ import { photoOutline, placeShareLabels, type ShareLabel, splitAtSeam, sunRegion
 import { formatAzimuth, isSunny } from "../text/format";
 
 const SHARE = 12; // px, the letters of a region's share
-const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its label can meet the horizon's name
+const NAME_AT = 48; // px from the edge to the horizon's name, beyond the suns to choose from
+const SUN_WIDTH = 130; // px from the left edge, within which the sun's mark and its label can meet that name
 const SUN_HEIGHT = 52; // px, so for the distance in height
 
 type Line = NonNullable<ReturnType<typeof horizon>>;
@@ -27,8 +28,8 @@ export function drawPhotoMarkers(camera: Camera, parameters: LightParameters, wi
 
 /** The horizon with its name at the left, or at the right where the sun's mark stands in the way. */
 function drawHorizon(line: Line, sun: SunMark, width: number, height: number): Node[] {
-  const occupied = sun.point[0] < SUN_WIDTH && Math.abs(sun.point[1] - lineHeight(line, 10)) < SUN_HEIGHT;
-  const x = occupied ? width - 10 : 10;
+  const occupied = sun.point[0] < SUN_WIDTH && Math.abs(sun.point[1] - lineHeight(line, NAME_AT)) < SUN_HEIGHT;
+  const x = occupied ? width - NAME_AT : NAME_AT;
   const y = lineHeight(line, x);
   const label = y > 24 && y < height ? [drawText([x, y - 7], "horizon", occupied ? "label end" : "label")] : [];
   return [drawPath(line, "rim"), drawPath(line, "line"), ...label];
