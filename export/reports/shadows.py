@@ -1,31 +1,48 @@
-"""How near the sun is with one shadow that a person marked, beside the network alone (`shadows.csv`)."""
+"""How near the sun is with what a person marked, beside the network alone: `shadows.csv`, `photo_marks.csv`.
 
-import csv
-from collections.abc import Sequence
+The marks of `photo_marks.csv` were made before anyone looked at the true suns: on 100 photos in direct sun, drawn at
+random, at most one of a scene, and on a photo of each further scene of `val`.
+"""
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from export.data.panoramas import DataError
+from export.data.panoramas import read_table
+from export.evaluation.metrics import markdown_table
 from lighting.errors import ParameterError
 from lighting.estimator import Estimator
+from lighting.fusion.shadows import LitSide, OwnShadow, Shadow, ShadowMark, read_shadow
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.model import Model
-from lighting.photo.reader import read_photo
+from lighting.photo.reader import Photo, read_photo
 
+_MARKS = Path(__file__).parents[1] / "data" / "photo_marks.csv"
+_PHOTO_TABLES = {"val": "photos.csv", "train": "photos_train.csv"}  # by split
+_SUN_COLUMNS = ("sun_azimuth", "sun_elevation")
 _HEADINGS = (
     *("marks", "n", "azimuth: median", "90 %", "whole: median", "90 %"),
-    *("network: azimuth: median", "90 %", "whole: median", "90 %", "50 and 90 % regions hold"),
+    *("network: azimuth: median", "90 %", "whole: median", "90 %", "50 and 90 % regions hold", "over the network"),
 )
+
+
+@dataclass(frozen=True, eq=False)
+class _Marked:
+    """A photo that a person marked."""
+
+    photo: Photo
+    sun: Floats  # (3,)
+    alone: Floats  # (3,) by the network
 
 
 @dataclass(frozen=True)
 class _MarkedAnswer:
-    """What one mark makes of an answer; errors in degrees."""
+    """What marks make of an answer; errors in degrees."""
 
-    group: str
+    groups: tuple[str, ...]
     azimuth: float
     whole: float
     network_azimuth: float
@@ -34,55 +51,111 @@ class _MarkedAnswer:
 
 
 def report_shadows(model: Model, data: Path) -> str:
-    """Print a table in Markdown of the sun's errors with one mark each, by kind of picture and how sure the mark is.
+    """Print tables in Markdown of the sun's errors with marks: of crops by how sure the mark is, and of photos.
 
     Args:
         model: the network to ask.
-        data: folder with `shadows.csv`.
+        data: folder with `shadows.csv` and the tables of photos.
 
     Raises:
-        DataError: the table is missing.
+        DataError: a table is missing.
     """
-    table = data / "shadows.csv"
-    if not table.is_file():
-        raise DataError(f"{data} holds no shadows.csv.")
     estimator = Estimator(model)
-    with table.open(encoding="utf-8") as lines:
-        rows = [row for row in csv.DictReader(lines) if row["sun_azimuth"]]
-    answers = [answer for row in rows if (answer := _answer(estimator, data, row)) is not None]
-    text = [f"{len(rows) - len(answers)} marks were refused.", "", f"| {' | '.join(_HEADINGS)} |"]
-    text.append("|---" * len(_HEADINGS) + "|")
-    groups = {
-        f"all {sure} ones in crops": [answer for answer in answers if answer.group.startswith(f"crops, {sure}")]
-        for sure in ("sure", "doubtful")
+    return "\n\n".join([_report_one_shadow(estimator, data), _report_photos(estimator, data)])
+
+
+def _report_one_shadow(estimator: Estimator, data: Path) -> str:
+    """One shadow at a time: as it is, and as a line of which nobody knows the foot."""
+    answers = []
+    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", *_SUN_COLUMNS)):
+        if not row["sun_azimuth"]:
+            continue
+        marked, shadow = _ask(estimator, data, row), shadow_text(row)
+        kind, sure = "crops" if row["panorama"] else "photos", "sure" if row["sure"] == "yes" else "doubtful"
+        pooled = ("all crops", f"all crops, {sure}") if row["panorama"] else ()
+        answers.append(_answer(estimator, marked, [shadow], (f"{kind}, {sure}, {row['split']}", *pooled)))
+        line = "line:" + ",".join(shadow.removeprefix("doubt:").split(",")[:4])
+        answers.append(_answer(estimator, marked, [line], [f"{name}, as lines" for name in pooled[:1]]))
+    return f"One shadow each:\n\n{_table(answers)}"
+
+
+def shadow_text(row: dict[str, str]) -> str:
+    """Return a shadow as the command line writes it, "doubt:" before it where who marked it was not sure.
+
+    Args:
+        row: of `shadows.csv`.
+    """
+    size = float(row["width"]), float(row["height"])
+    ends = [
+        min(max(float(row[f"{name}_{axis}"]), 0.0), side)
+        for name in ("foot", "tip", "top")
+        if row[f"{name}_x"]
+        for axis, side in zip("xy", size, strict=True)
+    ]
+    return f"{'doubt:' * (row['sure'] != 'yes')}{','.join(map(str, ends))}"
+
+
+def _report_photos(estimator: Estimator, data: Path) -> str:
+    """All marks of a photo at once by how it was chosen, and each alone by its gesture."""
+    rows = {
+        row["file"]: (split, row)
+        for split, table in _PHOTO_TABLES.items()
+        for row in read_table(data / table, ("file", *_SUN_COLUMNS))
     }
-    for answer in answers:
-        groups.setdefault(answer.group, []).append(answer)
-    return "\n".join([*text, *(_row(name, members) for name, members in sorted(groups.items()) if members)])
+    photos: dict[tuple[str, str], list[str]] = {}  # their marks, by file and sample
+    for row in read_table(_MARKS, ("file", "sample", "mark")):
+        photos.setdefault((row["file"], row["sample"]), []).extend([row["mark"]] if row["mark"] else [])
+    together: list[_MarkedAnswer | None] = []
+    alone: list[_MarkedAnswer | None] = []
+    for (file, sample), texts in photos.items():
+        if not texts:
+            continue
+        split, row = rows[file]
+        marked = _ask(estimator, data, row)
+        single = [_answer(estimator, marked, [text], [_gesture(read_shadow(text))]) for text in texts]
+        alone += single
+        good = [text for text, found in zip(texts, single, strict=True) if found is not None]
+        groups = [f"{sample}", f"{sample}, {split}"] if sample == "random" else []
+        groups += ["every scene of val"] if split == "val" else []
+        together.append(_answer(estimator, marked, good, groups) if good else None)
+    count = sum(sample == "random" for _, sample in photos)
+    taken = sum(answer is not None and "random" in answer.groups for answer in together)
+    first = f"Of {count} photos at random {taken} take a gesture. All marks of a photo:"
+    return "\n\n".join([first, _table(together), "Each mark alone:", _table(alone)])
 
 
-def _answer(estimator: Estimator, data: Path, row: dict[str, str]) -> _MarkedAnswer | None:
-    photo, size = read_photo(data / row["file"]), (float(row["width"]), float(row["height"]))
+def _gesture(mark: ShadowMark) -> str:
+    """What a person drew."""
+    match mark:
+        case Shadow():
+            return "shadow, doubted" if mark.is_doubted else f"shadow{', with its top' * (mark.top is not None)}"
+        case OwnShadow():
+            return "own shadow, the head's" if mark.is_head else "own shadow"
+        case LitSide():
+            return f"lit side{', with its border' * (mark.border is not None)}"
+    return "line"
 
-    def point(name: str) -> str:
-        x, y = (min(max(float(row[f"{name}_{axis}"]), 0.0), side) for axis, side in zip("xy", size, strict=True))
-        return f"{x},{y}"
 
-    mark = ",".join(point(name) for name in ("foot", "tip", "top") if row[f"{name}_x"])
-    sun = direction(float(row["sun_azimuth"]), float(row["sun_elevation"]))
+def _ask(estimator: Estimator, data: Path, row: dict[str, str]) -> _Marked:
+    """A row's photo, its true sun, and that of the network alone."""
+    photo = read_photo(data / row["file"])
     alone = estimator(photo, UserInput(metadata=False)).lighting.sun_direction
+    return _Marked(photo, direction(*(float(row[name]) for name in _SUN_COLUMNS)), alone)
+
+
+def _answer(estimator: Estimator, marked: _Marked, marks: Sequence[str], groups: Iterable[str]) -> _MarkedAnswer | None:
+    """The answer with marks; None if they are refused."""
     try:
-        light = estimator(photo, UserInput(metadata=False, shadows=[mark])).lighting
+        light = estimator(marked.photo, UserInput(metadata=False, shadows=marks)).lighting
     except ParameterError:
         return None
-    whole = float(angle_between(light.sun_direction, sun))
-    kind, sure = "crops" if row["panorama"] else "photos", "sure" if row["sure"] == "yes" else "doubtful"
+    whole = float(angle_between(light.sun_direction, marked.sun))
     return _MarkedAnswer(
-        f"{kind}, {sure}, {row['split']}",
-        _azimuth_error(light.sun_direction, sun),
+        tuple(groups),
+        _azimuth_error(light.sun_direction, marked.sun),
         whole,
-        _azimuth_error(alone, sun),
-        float(angle_between(alone, sun)),
+        _azimuth_error(marked.alone, marked.sun),
+        float(angle_between(marked.alone, marked.sun)),
         (whole <= light.radius_50, whole <= light.radius_90),
     )
 
@@ -91,9 +164,19 @@ def _azimuth_error(answer: Floats, sun: Floats) -> float:
     return abs(float(wrap_azimuth(angles(answer)[0] - angles(sun)[0])))
 
 
-def _row(name: str, answers: Sequence[_MarkedAnswer]) -> str:
+def _table(answers: Iterable[_MarkedAnswer | None]) -> str:
+    """A row for each group."""
+    groups: dict[str, list[_MarkedAnswer]] = {}
+    for answer in answers:
+        for group in answer.groups if answer is not None else ():
+            groups.setdefault(group, []).append(answer)
+    return markdown_table(_HEADINGS, [_row(name, members) for name, members in sorted(groups.items())])
+
+
+def _row(name: str, answers: Sequence[_MarkedAnswer]) -> list[str]:
     azimuth, whole = [a.azimuth for a in answers], [a.whole for a in answers]
     alone = [a.network_azimuth for a in answers], [a.network_whole for a in answers]
     figures = [figure for errors in (azimuth, whole, *alone) for figure in np.percentile(errors, [50, 90])]
     inside = " / ".join(f"{100 * share:.0f} %" for share in np.mean([a.in_regions for a in answers], axis=0))
-    return f"| {name} | {len(answers)} | {' | '.join(f'{figure:.1f}°' for figure in figures)} | {inside} |"
+    ratio = np.median(whole) / np.median(alone[1])
+    return [name, str(len(answers)), *(f"{figure:.1f}°" for figure in figures), inside, f"{ratio:.2f}"]

@@ -542,7 +542,7 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         metavar="X,Y,X,Y[,X,Y]",
         multiple=True,
         help="A shadow, in pixels: from the foot of what casts it to its tip, then the thing's top. Repeatable. "
-        "Also own:X,Y, head:X,Y, line:X,Y,X,Y and lit:X,Y,X,Y.",
+        "Also doubt: before them, own:X,Y, head:X,Y, line:X,Y,X,Y and lit:X,Y,X,Y[,X,Y].",
     ),
     "horizon": click.option(
         "--horizon", metavar="X,Y,X,Y", help="Two points of the horizon, in pixels: the camera's tilt."

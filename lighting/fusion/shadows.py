@@ -32,11 +32,13 @@ Point = tuple[float, float]
 _HAND_STD = 0.0056  # of a marked point, as a share of the photo's longer side
 _COARSE_RATE, _COARSE_STDS = 0.2, 5.0  # share of marks that are coarse, and their widths by those of the others
 _OUTLIER_RATE = 0.05  # share of marks that are wrong altogether
+_DOUBTED_RATES = (0.6, 0.2)  # both shares of marks that are doubted
 _CAMERA_STD = (1.04, 1.12, 0.045)  # of the estimated camera: elevation, roll, deg; the field of view's tangent, a share
 _AZIMUTH_STD, _ELEVATION_STD = 2.0, 2.0  # deg, of ground that is not quite level and things not quite upright
 _OWN_STD = 2.5  # deg, of the camera's own shadow, whose middle has no mark
 _HEAD_STD = 6.0  # deg of azimuth, of a head's shadow, which is not the camera's
 _SIDE_STD = 12.0  # deg of azimuth over which a lit side turns to shade
+_BORDER_STD = 25.0  # deg of azimuth by where a thing's shade turns into light
 _SIDE_OUTLIER_RATE = 0.1  # share of lit sides that are wrong
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
 _MIN_LENGTH = 3.0  # pixels, of a mark
@@ -53,6 +55,8 @@ class Shadow:
     """Where its shadow ends, or the photo."""
     top: Point | None = None
     """The thing's upper end, whose shadow the tip is. None: not in the picture, or the tip is not."""
+    is_doubted: bool = False
+    """Whether who marks it doubts it: foot or tip is guessed, the thing leans, or the ground slopes."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +87,8 @@ class LitSide:
     """On the side in shade."""
     lit: Point
     """On the side that the sun lights."""
+    border: Point | None = None
+    """Where shade turns into light; the other two points are then the thing's edges. None: not told."""
 
 
 ShadowMark = Shadow | OwnShadow | ShadowLine | LitSide
@@ -116,7 +122,8 @@ def read_shadow(text: str) -> ShadowMark:
 
     Args:
         text: pixels of the upright photo: "FOOT_X,FOOT_Y,TIP_X,TIP_Y" of a shadow, with ",TOP_X,TOP_Y" where the
-            thing's top is seen; "own:X,Y" or "head:X,Y"; "line:X,Y,X,Y"; "lit:X,Y,X,Y" from the shaded to the lit side.
+            thing's top is seen, and "doubt:" before it where foot or tip is a guess; "own:X,Y" or "head:X,Y";
+            "line:X,Y,X,Y"; "lit:X,Y,X,Y" from the shaded to the lit side, with ",X,Y" of the border between them.
 
     Raises:
         ParameterError: for any other text.
@@ -136,10 +143,11 @@ def read_shadow(text: str) -> ShadowMark:
 
 _KINDS: dict[str, tuple[tuple[int, ...], Callable[..., ShadowMark]]] = {  # by prefix: how many points, and the mark
     "": ((2, 3), Shadow),
+    "doubt": ((2, 3), partial(Shadow, is_doubted=True)),
     "own": ((1,), OwnShadow),
     "head": ((1,), partial(OwnShadow, is_head=True)),
     "line": ((2,), ShadowLine),
-    "lit": ((2,), LitSide),
+    "lit": ((2, 3), LitSide),
 }
 
 
@@ -211,12 +219,13 @@ def _shadow_likelihood(mark: Shadow, camera: Pinhole, azimuth: Floats, elevation
     points = marked_points(mark)
     if mark.top is None:
         value, covariance = _propagate(lambda c, p: _ground_azimuth(c, p[0], p[1]), camera, points)
-        return _mix(lambda stds: _gaussian(wrap_azimuth(azimuth - value[0]), covariance[0, 0] * stds**2), 360.0)
+        error = wrap_azimuth(azimuth - value[0])
+        return _mix(lambda stds: _gaussian(error, covariance[0, 0] * stds**2), 360.0, mark.is_doubted)
     value, covariance = _propagate(lambda c, p: _sun_of_shadow(c, *p), camera, points)
     error = np.stack([wrap_azimuth(azimuth - value[0]), elevation - value[1]], axis=-1)
     squared = np.einsum("ni,ij,nj->n", error, np.linalg.inv(covariance), error)
     scale = 2 * math.pi * math.sqrt(np.linalg.det(covariance))
-    return _mix(lambda stds: np.exp(-0.5 * squared / stds**2) / (scale * stds**2), 360.0 * 90.0)
+    return _mix(lambda stds: np.exp(-0.5 * squared / stds**2) / (scale * stds**2), 360.0 * 90.0, mark.is_doubted)
 
 
 def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation: Floats) -> Floats:
@@ -237,12 +246,26 @@ def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation
 
 
 def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats) -> Floats:
-    """Of a lit side: the sun stands on that side of the line of sight, wherever in depth."""
+    """Of a lit side: the sun stands on that side of the line of sight, in depth as the border tells, or wherever."""
     shaded, lit = (angles(pixel_ray(camera, point))[0] for point in (mark.shaded, mark.lit))
-    between = shaded + wrap_azimuth(lit - shaded) / 2
-    beside = np.degrees(np.arcsin(np.sin(np.radians(azimuth - between)))) * np.sign(wrap_azimuth(lit - shaded))
-    share = 1.0 / (1.0 + np.exp(-1.7 * beside / _SIDE_STD))
-    return np.asarray((1 - _SIDE_OUTLIER_RATE) * share + _SIDE_OUTLIER_RATE / 2)
+    between, side = shaded + wrap_azimuth(lit - shaded) / 2, np.sign(wrap_azimuth(lit - shaded))
+    if mark.border is None:
+        beside = np.degrees(np.arcsin(np.sin(np.radians(azimuth - between)))) * side
+        share = 1.0 / (1.0 + np.exp(-1.7 * beside / _SIDE_STD))
+        return np.asarray((1 - _SIDE_OUTLIER_RATE) * share + _SIDE_OUTLIER_RATE / 2)
+    from_behind = math.degrees(math.acos(2 * _lit_share(mark, mark.border) - 1))  # of the camera, as of a moon's phase
+    error = wrap_azimuth(azimuth - between - 180.0 + side * from_behind)
+    return np.asarray((1 - _SIDE_OUTLIER_RATE) * _gaussian(error, _BORDER_STD**2) + _SIDE_OUTLIER_RATE / 360.0)
+
+
+def _lit_share(mark: LitSide, border: Point) -> float:
+    """The share (0 to 1) of a thing's width that is lit."""
+    across, lit = np.subtract(mark.shaded, mark.lit), np.subtract(border, mark.lit)
+    share = float(np.dot(lit, across) / np.dot(across, across))
+    if not 0 <= share <= 1:
+        sentence = "The border of light and shade lies between the two edges of a thing; mark it there."
+        raise ParameterError(sentence, "shadows", ErrorCode.CONTRADICTION)
+    return share
 
 
 _HORIZON = "A point of a shadow lies at the horizon or over it, where no ground is; mark a nearer shadow."
@@ -304,10 +327,11 @@ def _gaussian(error: Floats, variance: float) -> Floats:
     return np.asarray(np.exp(-0.5 * error**2 / variance) / math.sqrt(2 * math.pi * variance))
 
 
-def _mix(density: Callable[[float], Floats], extent: float) -> Floats:
+def _mix(density: Callable[[float], Floats], extent: float, is_doubted: bool = False) -> Floats:
     """A density, by how many times its widths, with coarse marks and wrong ones anywhere in the extent [deg, deg2]."""
-    fine, coarse = 1 - _COARSE_RATE - _OUTLIER_RATE, _COARSE_RATE * density(_COARSE_STDS)
-    return np.asarray(fine * density(1.0) + coarse + _OUTLIER_RATE / extent)
+    coarse_rate, outlier_rate = _DOUBTED_RATES if is_doubted else (_COARSE_RATE, _OUTLIER_RATE)
+    fine, coarse = 1 - coarse_rate - outlier_rate, coarse_rate * density(_COARSE_STDS)
+    return np.asarray(fine * density(1.0) + coarse + outlier_rate / extent)
 
 
 def fuse_shadows(

@@ -106,6 +106,40 @@ def test_a_lit_side_tells_half_of_the_azimuths(lit_right: bool, azimuth: float) 
     assert ahead == pytest.approx(behind, rel=0.1)
 
 
+@pytest.mark.parametrize("behind", [35.0, 90.0, 140.0])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_border_of_a_round_post_tells_how_far_behind_the_camera_the_sun_is(behind: float, side: float) -> None:
+    """The border is where the surface turns away from the sun, as of a moon's phase."""
+    axis, radius = np.array([1.5, -0.4, -8.0]), 0.2
+    toward_camera = np.degrees(np.arctan2(-axis[0], axis[2]))  # the azimuth from the post to the camera
+    azimuth = float(wrap_azimuth(toward_camera - side * behind))
+
+    def at(turned: float) -> tuple[float, float]:
+        return pixel(axis + radius * direction(azimuth + turned, 0.0))
+
+    edges = sorted((pixel(axis + radius * direction(toward_camera + turn, 0.0)) for turn in (-90.0, 90.0)))
+    shaded, lit = edges if side > 0 else edges[::-1]
+    mark = LitSide(shaded, lit, at(side * 90.0))
+    azimuths = np.arange(-180.0, 180.0)
+    likelihood = shadow_likelihood(mark, CAMERA, direction(azimuths, 30.0))
+    assert abs(wrap_azimuth(azimuths[np.argmax(likelihood)] - azimuth)) < 5.0
+    assert likelihood.min() > 0.001 * likelihood.max()
+
+
+def test_a_border_beside_the_thing_is_refused() -> None:
+    with pytest.raises(ParameterError, match="between the two edges"):
+        shadow_likelihood(LitSide((500.0, 450.0), (700.0, 450.0), (720.0, 450.0)), CAMERA, CELLS)
+
+
+def test_a_doubted_shadow_says_less_than_a_sure_one() -> None:
+    sure = cast((40.0, 30.0), 9.0)
+    suns = direction(np.array([40.0, 75.0]), 30.0)
+    for mark in (sure, replace(sure, top=None)):
+        likely, beside = shadow_likelihood(mark, CAMERA, suns)
+        doubted, doubted_beside = shadow_likelihood(replace(mark, is_doubted=True), CAMERA, suns)
+        assert likely / beside > 2 * doubted / doubted_beside > 2
+
+
 def test_a_mark_hardly_moves_a_sure_answer_that_contradicts_it() -> None:
     """A share of the marks is wrong altogether."""
     true = direction(-40.0, 30.0)
@@ -174,14 +208,17 @@ def test_what_is_no_mark_is_refused(marks: tuple[ShadowMark, ...]) -> None:
 
 
 def test_marks_are_read_from_text() -> None:
-    stated = UserInput(shadows=["1,2,30,4", "1,2,30,4,5,6", "own:7,8", "head:7,8", "line:1,2,30,4", "lit:1,2,30,4"])
+    texts = ["1,2,30,4", "1,2,30,4,5,6", "doubt:1,2,30,4", "own:7,8", "head:7,8", "line:1,2,30,4", "lit:1,2,30,4"]
+    stated = UserInput(shadows=[*texts, "lit:1,2,30,4,20,3"])
     assert stated.shadows == (
         Shadow((1.0, 2.0), (30.0, 4.0)),
         Shadow((1.0, 2.0), (30.0, 4.0), (5.0, 6.0)),
+        Shadow((1.0, 2.0), (30.0, 4.0), is_doubted=True),
         OwnShadow((7.0, 8.0)),
         OwnShadow((7.0, 8.0), is_head=True),
         ShadowLine((1.0, 2.0), (30.0, 4.0)),
         LitSide((1.0, 2.0), (30.0, 4.0)),
+        LitSide((1.0, 2.0), (30.0, 4.0), (20.0, 3.0)),
     )
     for text in ("", "1,2", "1,2,3", "x:1,2", "own:1,2,3,4", ":1,2,3,4", "1,2,3,4,5,6,7,8"):
         with pytest.raises(ParameterError, match="is no shadow such as"):
