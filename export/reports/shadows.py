@@ -168,8 +168,9 @@ def _table(answers: Iterable[_MarkedAnswer | None]) -> str:
     """A row for each group."""
     groups: dict[str, list[_MarkedAnswer]] = {}
     for answer in answers:
-        for group in answer.groups if answer is not None else ():
-            groups.setdefault(group, []).append(answer)
+        if answer is not None:
+            for group in answer.groups:
+                groups.setdefault(group, []).append(answer)
     return markdown_table(_HEADINGS, [_row(name, members) for name, members in sorted(groups.items())])
 
 

@@ -117,7 +117,7 @@ def test_the_border_of_a_round_post_tells_how_far_behind_the_camera_the_sun_is(b
     def at(turned: float) -> tuple[float, float]:
         return pixel(axis + radius * direction(azimuth + turned, 0.0))
 
-    edges = sorted((pixel(axis + radius * direction(toward_camera + turn, 0.0)) for turn in (-90.0, 90.0)))
+    edges = sorted(pixel(axis + radius * direction(toward_camera + turn, 0.0)) for turn in (-90.0, 90.0))
     shaded, lit = edges if side > 0 else edges[::-1]
     mark = LitSide(shaded, lit, at(side * 90.0))
     azimuths = np.arange(-180.0, 180.0)
