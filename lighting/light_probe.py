@@ -14,6 +14,7 @@ References:
 import json
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +24,7 @@ from lighting.envmap.render import level_irradiance, render, sun_light
 from lighting.envmap.surroundings import COARSE_ROWS, PhotoContext, render_coarse
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import round_all, round_significant
-from lighting.geometry import Floats, latlong_angles, latlong_solid_angle
+from lighting.geometry import Floats, direction, latlong_angles, latlong_solid_angle
 from lighting.records import Json, Lighting, LightProbe, MainLight, check_lighting
 from lighting.sky.clear_sky import LUX, sun_disc_points, sun_disc_radiance
 
@@ -155,19 +156,20 @@ def main_light(lighting: Lighting, *, sun: bool | None = None) -> MainLight:
         lighting: any.
         sun: whether the sun shines; None: by `Lighting.sun_painted`.
     """
-    clearest = _clearest_sun(lighting)
     shines = lighting.sun_painted if sun is None else sun
     irradiance = sun_light(lighting)[0] if shines else np.zeros(3)
-    lux = min(float(luminance(irradiance)) / lighting.exposure, float(luminance(clearest))) * LUX
+    lux = 0.0
+    if irradiance.any():
+        lux = min(float(luminance(irradiance)) / lighting.exposure, _clearest_sun(lighting.sun_elevation)) * LUX
     return MainLight(lighting.sun_direction, irradiance, lux, color_temperature(irradiance))
 
 
-def _clearest_sun(lighting: Lighting) -> Floats:
-    """Return the irradiance (3,) of a surface that faces the sun through the clearest air, in the sky model's unit."""
-    if lighting.sun_elevation < 0:
-        return np.zeros(3)
-    points, weight = sun_disc_points(lighting.sun_direction)
-    return np.asarray(weight @ sun_disc_radiance(points, lighting.sun_direction, _CLEAREST_AIR))
+@lru_cache(maxsize=1)  # the sun stands as high in all frames of a clip
+def _clearest_sun(elevation: float) -> float:
+    """The luminance of a surface that faces a sun, 0 deg or higher, through the clearest air, by the sky model."""
+    sun = direction(0.0, elevation)
+    points, weight = sun_disc_points(sun)
+    return float(luminance(weight @ sun_disc_radiance(points, sun, _CLEAREST_AIR)))
 
 
 def encode_light_probe(probe: LightProbe, format: str) -> str:

@@ -41,6 +41,8 @@ def prepare_process(command: str) -> None:
     if command in _BRIEF_COMMANDS:
         gc.set_threshold(_GC_THRESHOLD)
         keep_memory(heaps=2)
+    elif command == "video":
+        keep_memory()
 
 
 @dataclass

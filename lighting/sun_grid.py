@@ -176,7 +176,9 @@ def smooth_density(probability: ArrayLike, direction: ArrayLike, layout: str) ->
         layout: of the grid.
     """
     cosine = np.asarray(direction, dtype=np.float32) @ grid_directions(layout).T.astype(np.float32)
-    kernel = np.exp(np.float32(_SMOOTHING) * (cosine - np.float32(1.0)))
+    cosine -= np.float32(1.0)
+    cosine *= np.float32(_SMOOTHING)
+    kernel = np.exp(cosine, out=cosine)
     mass, area = np.moveaxis(kernel @ np.stack([probability, grid_solid_angle(layout)], -1).astype(np.float32), -1, 0)
     return np.asarray(mass / area, dtype=np.float64)
 

@@ -28,7 +28,7 @@ from lighting.batch.results import JOURNAL, SETTINGS, TABLE, Journal, check_tabl
 from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files import atomic_write, escape_undecodable, is_own_map, stale_temporaries
 from lighting.record_json import json_line
-from lighting.runtime import ONE_BLAS_THREAD, ONE_THREAD
+from lighting.runtime import ONE_BLAS_THREAD, ONE_THREAD, keep_memory
 from lighting.tracing import Step, listen_to_steps, report_step
 
 Result = TypeVar("Result")
@@ -307,6 +307,7 @@ def _serve(connection: Connection, prepare: Callable[[], Work[Result]]) -> None:
     """What a worker process runs. It ignores Ctrl-C, which its parent process handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(ONE_THREAD)
+    keep_memory()
     try:
         with ONE_BLAS_THREAD:  # once for all photos: each time costs a search among the libraries of the process
             answer: object = _READY

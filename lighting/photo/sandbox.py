@@ -21,6 +21,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from datetime import datetime
 from enum import Enum
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from threading import Event, Timer
@@ -353,6 +354,7 @@ def _parse_record(kind: type[_Record], value: Any) -> _Record:
     return kind(**{name: _parse(hint, value[name]) for name, hint in hints.items()})
 
 
+@cache
 def _hints(kind: type) -> dict[str, Any]:
     hints = get_type_hints(kind)
     return {field.name: hints[field.name] for field in fields(kind)}

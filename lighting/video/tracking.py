@@ -214,10 +214,12 @@ class PointTracker:
         if homography is None:
             return np.ones(3)
         before = self._cv2.warpPerspective(self._light, homography, now.shape[1::-1], borderValue=(np.nan,) * 3)
-        valid = np.isfinite(before).all(axis=-1) & np.isfinite(now).all(axis=-1)
+        red, green, blue = np.moveaxis(before + now, -1, 0)
+        valid = np.isfinite(red + green + blue)
         if np.count_nonzero(valid) < _MIN_LIT_SHARE * valid.size:
             return np.ones(3)
-        return np.asarray(np.median(now[valid] / before[valid], axis=0), dtype=np.float64)
+        ratios = np.ascontiguousarray((now[valid] / before[valid]).T)
+        return np.asarray(np.median(ratios, axis=1), dtype=np.float64)
 
     def _linear(self, pixels: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
         """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
