@@ -1,6 +1,7 @@
 /** The loupe: the photo under a finger, enlarged beside it. */
 
 import { byId } from "../dom";
+import { clamp } from "../geometry/angles";
 import type { Point, Size } from "../geometry/camera";
 
 const LOUPE = 128; // CSS pixels
@@ -15,19 +16,21 @@ export class Loupe {
     this.canvas.hidden = true;
   }
 
-  /** Shows the photo around a point, above the finger or, near the upper edge, below it; sizes in CSS pixels. */
+  /** Shows the photo around a point, above it or, near the upper edge, beside it; sizes in CSS pixels. */
   show(picture: HTMLCanvasElement, [x, y]: Point, { width, height }: Size): void {
     const context = this.canvas.getContext("2d");
     if (!context) return;
+    const middle = LOUPE / 2;
     const scale = picture.width / width;
     const side = (LOUPE / ZOOM) * scale;
     this.canvas.hidden = false;
-    this.canvas.style.left = `${Math.min(Math.max(x - LOUPE / 2, 0), width - LOUPE)}px`;
-    this.canvas.style.top = `${(y > AWAY + LOUPE / 2 ? y - AWAY : Math.min(y + AWAY, height - LOUPE / 2)) - LOUPE / 2}px`;
+    const hasRoom = y > AWAY + middle;
+    const across = hasRoom ? x : x + (x < width / 2 ? AWAY : -AWAY);
+    this.canvas.style.left = `${clamp(across - middle, 0, width - LOUPE)}px`;
+    this.canvas.style.top = `${clamp((hasRoom ? y - AWAY : y) - middle, 0, height - LOUPE)}px`;
     context.fillStyle = "#000";
     context.fillRect(0, 0, LOUPE, LOUPE);
     context.drawImage(picture, x * scale - side / 2, y * scale - side / 2, side, side, 0, 0, LOUPE, LOUPE);
-    const middle = LOUPE / 2;
     context.strokeStyle = "#fff";
     context.beginPath();
     context.moveTo(middle, middle - CROSS);

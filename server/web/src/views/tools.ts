@@ -258,8 +258,17 @@ export class Tools {
       this.drag.from = to;
     } else this.drag.points = [this.drag.points[0] ?? to, to];
     this.draw();
-    if (this.view) this.loupe.show(this.view.photo.picture, at, this.size);
+    if (this.view) this.loupe.show(this.view.photo.picture, this.onLine(at), this.size);
     this.preview();
+  }
+
+  /** The point of a line that is dragged as a whole, above or below a finger; else where the finger is. */
+  private onLine([x, y]: Point): Point {
+    const moved = this.drag && "from" in this.drag ? this.drag.marks[0]?.points : undefined;
+    const [from, to] = (moved ?? []).map((point) => this.toPad(point));
+    if (!from || !to || from[0] === to[0]) return [x, y];
+    const height = from[1] + ((to[1] - from[1]) * (x - from[0])) / (to[0] - from[0]);
+    return [x, clamp(height, 0, this.size.height)];
   }
 
   /** Marks moved down as a whole, as far as the picture goes. */
