@@ -448,6 +448,12 @@ class TestTools:
         assert seen["drawn"] == ["Shadow \N{MULTIPLICATION SIGN}"]
         assert seen["asked"] >= 1
 
+    def test_every_kind_of_shadow_is_drawn(self, seen: Seen) -> None:
+        with_top, *others = seen["otherShadows"]
+        assert len(with_top.split(",")) == 6
+        counts = {prefix: rest.count(",") + 1 for prefix, rest in (text.split(":") for text in others)}
+        assert counts == {"own": 2, "head": 2, "line": 4, "lit": 4}
+
     def test_a_thing_of_known_size_is_stated(self, seen: Seen) -> None:
         assert seen["size"] == [["Size \N{MULTIPLICATION SIGN}"], True]
 

@@ -37,6 +37,7 @@ export async function visit(browser, url, seen, { street }) {
   await stated(page, () => page.click("#undo"), 0);
   seen.trust.push(await page.textContent("#trust"));
 
+  await drawOtherShadows(page, seen);
   await page.locator("#tools label", { hasText: "size" }).click();
   const there = await picture(page); // which another answer may have moved
   await page.mouse.move(...there(0.82, 0.96));
@@ -53,6 +54,32 @@ export async function visit(browser, url, seen, { street }) {
   await drawEdges(page, seen);
   await dragOnMap(page, seen);
   await page.context().close();
+}
+
+/** Each other kind of shadow once, and what the service is asked then; all of them taken away by one button. */
+async function drawOtherShadows(page, seen) {
+  const gestures = {
+    "Shadow, and what throws its tip": [[[0.82, 0.96], [0.62, 0.83]], [[0.76, 0.1]]],
+    "Shadow of my camera or hands": [[[0.3, 0.97]]],
+    "Shadow of my head": [[[0.35, 0.95]]],
+    "Shadow without a foot": [[[0.5, 0.9], [0.7, 0.98]]],
+    "Shadow on a wall, post or trunk": [[[0.2, 0.5], [0.28, 0.5]]],
+  };
+  seen.otherShadows = [];
+  for (const [label, strokes] of Object.entries(gestures)) {
+    await page.selectOption("#kinds", { label });
+    const at = await picture(page);
+    await restated(page, "shadow", async () => {
+      for (const [from, to = from] of strokes) {
+        await page.mouse.move(...at(...from));
+        await page.mouse.down();
+        await page.mouse.move(...at(...to), { steps: 2 });
+        await page.mouse.up();
+      }
+    });
+    seen.otherShadows.push(lastAsked(page, "shadow"));
+    await stated(page, () => page.click("#drawn button"), 0);
+  }
 }
 
 /** The estimated horizon dragged as a whole, by one end, and by keys: what the page shows meanwhile, and each undone at once. */

@@ -20,7 +20,7 @@ interface Kind {
   field: DrawnField;
   ends: readonly string[]; // of each point, what it is
   prefix?: string; // of what it states
-  next?: string; // what to do after the first of two lines
+  next?: string; // what to do after its first two points
 }
 
 const HELP = {
@@ -34,7 +34,14 @@ const KINDS: Record<"shadow" | "horizon" | "size", Kind[]> = {
       name: "Shadow from a foot to its tip",
       help: "Drag from the foot of a thing to the tip of its shadow.",
       field: "shadow",
+      ends: ["foot", "tip"],
+    },
+    {
+      name: "Shadow, and what throws its tip",
+      help: "Drag from the foot of a thing to the tip of its shadow; then tap the thing's top.",
+      field: "shadow",
       ends: ["foot", "tip", "top"],
+      next: "Now tap the top of the thing, which throws the tip.",
     },
     {
       name: "Shadow of my camera or hands",
@@ -89,10 +96,17 @@ const KINDS: Record<"shadow" | "horizon" | "size", Kind[]> = {
   ],
   size: [
     {
-      name: "Size",
+      name: "Height of an upright thing",
       help: "Drag from a thing's foot to its top; then say how high it is.",
       field: "reference",
       ends: ["foot", "top"],
+    },
+    {
+      name: "Length on the ground",
+      help: "Drag along a thing that lies on the ground; then say how long it is.",
+      field: "reference",
+      prefix: "ground:",
+      ends: BOTH,
     },
   ],
 };
@@ -300,7 +314,8 @@ export class Tools {
     if (this.tool === "sun") this.actions.forward(event);
     else if (drag && kind && "marks" in drag) this.stateMarks(drag.marks);
     else if (!drag || !kind || !("points" in drag)) this.clear();
-    else if (kind.ends.length === 1) this.state(this.withNew(drag.points.slice(-1)));
+    else if (kind.ends.length === 1 + this.first.length)
+      this.state(this.withNew([...this.first, ...drag.points.slice(-1)]));
     else if (!this.isLongEnough(drag.points)) this.clear();
     else if (this.tool === "size") {
       byId("size-form").hidden = false;
@@ -404,8 +419,10 @@ export class Tools {
 
   private nameOf([mark, point]: End): string {
     const { prefix = "" } = this.marks[mark] ?? {};
-    const kinds = KINDS[this.tool as keyof typeof KINDS] ?? [];
-    const kind = kinds.find((one) => one.field === this.kind?.field && (one.prefix ?? "") === prefix) ?? this.kind;
+    const { length } = this.marks[mark]?.points ?? [];
+    const isLike = (one: Kind): boolean =>
+      one.field === this.kind?.field && (one.prefix ?? "") === prefix && one.ends.length === length;
+    const kind = KINDS[this.tool as keyof typeof KINDS]?.find(isLike) ?? this.kind;
     return `${kind?.name}: ${kind?.ends[point] ?? point + 1}`;
   }
 
