@@ -8,115 +8,9 @@ import type { ImagePart } from "../photo";
 import type { Live, PhotoView } from "../state";
 import { type End, type Mark, moveMarks, readMarks, writeMarks } from "../text/marks";
 import { DRAWN_FIELDS, type DrawnField, type UserInput } from "../text/metadata";
+import { HELP, KINDS, type Kind, LISTS, NAMES, TOOLS, type Tool } from "../text/tools";
 import { Loupe } from "./loupe";
 
-const TOOLS = ["sun", "shadow", "horizon", "place", "size"] as const;
-type Tool = (typeof TOOLS)[number];
-
-/** What a drag of a tool draws. */
-interface Kind {
-  name: string;
-  help: string;
-  field: DrawnField;
-  ends: readonly string[]; // of each point, what it is
-  prefix?: string; // of what it states
-  next?: string; // what to do after its first two points
-}
-
-const HELP = {
-  place: "Tap the ground, and the object stands there.",
-  sun: "Drag anywhere: left and right turn the sun, up and down raise it.",
-};
-const BOTH = ["one end", "other end"];
-const KINDS: Record<"shadow" | "horizon" | "size", Kind[]> = {
-  shadow: [
-    {
-      name: "Shadow from a foot to its tip",
-      help: "Drag from the foot of a thing to the tip of its shadow.",
-      field: "shadow",
-      ends: ["foot", "tip"],
-    },
-    {
-      name: "Shadow, and what throws its tip",
-      help: "Drag from the foot of a thing to the tip of its shadow; then tap the thing's top.",
-      field: "shadow",
-      ends: ["foot", "tip", "top"],
-      next: "Now tap the top of the thing, which throws the tip.",
-    },
-    {
-      name: "Shadow of my camera or hands",
-      help: "Tap the shadow of your camera, or of the hands that hold it.",
-      field: "shadow",
-      prefix: "own:",
-      ends: ["of the camera"],
-    },
-    {
-      name: "Shadow of my head",
-      help: "Tap the shadow of your head.",
-      field: "shadow",
-      prefix: "head:",
-      ends: ["of the head"],
-    },
-    {
-      name: "Shadow without a foot",
-      help: "Drag along a straight edge of a shadow on the ground.",
-      field: "shadow",
-      prefix: "line:",
-      ends: BOTH,
-    },
-    {
-      name: "Shadow on a wall, post or trunk",
-      help: "Drag from the side in shade to the side in light.",
-      field: "shadow",
-      prefix: "lit:",
-      ends: ["side in shade", "side in light"],
-    },
-  ],
-  horizon: [
-    {
-      name: "Horizon",
-      help: "Drag the line to the horizon; drag its ends to tilt it.",
-      field: "horizon",
-      ends: ["left end", "right end"],
-    },
-    {
-      name: "Upright edges",
-      help: "Drag along an edge that is upright, then along another.",
-      field: "vertical",
-      ends: BOTH,
-    },
-    {
-      name: "Level edges",
-      help: "Drag along a level edge of a wall, then along another one that is parallel.",
-      field: "vertical",
-      prefix: "level:",
-      ends: [...BOTH, ...BOTH],
-      next: "Now along another level edge of the same wall.",
-    },
-  ],
-  size: [
-    {
-      name: "Height of an upright thing",
-      help: "Drag from a thing's foot to its top; then say how high it is.",
-      field: "reference",
-      ends: ["foot", "top"],
-    },
-    {
-      name: "Length on the ground",
-      help: "Drag along a thing that lies on the ground; then say how long it is.",
-      field: "reference",
-      prefix: "ground:",
-      ends: BOTH,
-    },
-  ],
-};
-const NAMES: Record<DrawnField, string> = {
-  shadow: "Shadow",
-  horizon: "Horizon",
-  vertical: "Edges",
-  reference: "Size",
-};
-const LISTS: readonly DrawnField[] = ["shadow", "vertical"]; // to which another one is added
 const SHORTEST = 12; // CSS pixels of a drag that counts
 const GRIP = 28; // CSS pixels around an end, from which a finger drags it
 const STEP = 1; // CSS pixels of a key; with Shift ten of them
@@ -129,8 +23,8 @@ interface Actions {
   state: (userInput: UserInput) => void; // asks the service anew
 }
 
-/** What a finger drags: an end of a mark; a whole mark, from that point; or a new line, of which `points` were drawn. */
-type Drag = { end: End; marks: Mark[] } | { from: Point; marks: Mark[] } | { points: Point[] };
+/** What a finger drags: an end of a mark, which it holds so far away; a whole mark, from that point; or a new line. */
+type Drag = { end: End; away: Point; marks: Mark[] } | { from: Point; marks: Mark[] } | { points: Point[] };
 
 export class Tools {
   private readonly pad = byId<SVGSVGElement>("pad");
@@ -243,8 +137,10 @@ export class Tools {
     const { marks } = this;
     const end = this.endAt(at, marks);
     byId("size-form").hidden = true;
-    if (end) this.drag = { end, marks };
-    else if (this.kind?.field === "horizon") this.drag = { from: this.toPhoto(at), marks };
+    if (end) {
+      const [x, y] = this.toPad(pointAt(marks, end));
+      this.drag = { end, away: [x - at[0], y - at[1]], marks };
+    } else if (this.kind?.field === "horizon") this.drag = { from: this.toPhoto(at), marks };
     else this.drag = { points: [this.toPhoto(at)] };
     this.follow(event);
   }
@@ -264,7 +160,8 @@ export class Tools {
   private follow(event: PointerEvent): void {
     if (this.tool === "sun" && event.type === "pointermove") this.actions.forward(event);
     if (!this.drag || !event.buttons) return;
-    const at = this.pointOf(event);
+    const [left, top] = "away" in this.drag ? this.drag.away : [0, 0];
+    const at = this.pointOf(event, left, top);
     const to = this.toPhoto(at);
     if ("end" in this.drag) this.drag.marks = moveEnd(this.drag.marks, this.drag.end, to);
     else if ("from" in this.drag) {
@@ -376,9 +273,10 @@ export class Tools {
     return [left + (x / this.size.width) * width, top + (y / this.size.height) * height];
   }
 
-  private pointOf(event: PointerEvent): Point {
+  /** Where a pointer is, or what it holds so far to the right and down, within the picture. */
+  private pointOf(event: PointerEvent, right = 0, down = 0): Point {
     const { left, top, width, height } = this.pad.getBoundingClientRect();
-    return [clamp(event.clientX - left, 0, width), clamp(event.clientY - top, 0, height)];
+    return [clamp(event.clientX - left + right, 0, width), clamp(event.clientY - top + down, 0, height)];
   }
 
   /** Draws the marks of the tool, what is being drawn, and the grips of all ends. */
@@ -444,10 +342,10 @@ export class Tools {
       const down = (-step[1] * this.area.height) / this.size.height;
       this.drag = { from: [0, 0], marks: this.shift(marks, down) };
     } else {
-      const [x, y] = this.toPad(marks[mark]?.points[point] ?? [0, 0]);
+      const [x, y] = this.toPad(pointAt(marks, [mark, point]));
       const { width, height } = this.size;
       const to = this.toPhoto([clamp(x + step[0], 0, width), clamp(y - step[1], 0, height)]);
-      this.drag = { end: [mark, point], marks: moveEnd(marks, [mark, point], to) };
+      this.drag = { end: [mark, point], away: [0, 0], marks: moveEnd(marks, [mark, point], to) };
     }
     this.draw();
     this.preview();
@@ -463,6 +361,8 @@ export class Tools {
     if (this.drag && "marks" in this.drag) this.stateMarks(this.drag.marks);
   }
 }
+
+const pointAt = (marks: readonly Mark[], [mark, point]: End): Point => marks[mark]?.points[point] ?? [0, 0];
 
 const moveEnd = (marks: Mark[], [mark, point]: End, to: Point): Mark[] =>
   moveMarks(marks, (old, [i, j]) => (i === mark && j === point ? to : old));
