@@ -18,8 +18,9 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.relighting import adjust_lighting, edit_lighting, edit_photo_light, light_of_map
 from lighting.errors import warn_of_old_name
-from lighting.fields import RANGES, check_range, describe_fields, format_azimuth, format_sun_elevation, format_tilt
+from lighting.fields import RANGES, check_range, describe_fields
 from lighting.files import DEFAULT_FILE, FileOptions
+from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.map_options import DEFAULT_MAP, Adjustments, Around, MapKeywords, MapOptions
 from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight

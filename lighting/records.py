@@ -20,13 +20,12 @@ from lighting.fields import (
     convert_numpy_numbers,
     describe_fields,
     flatten_record,
-    format_azimuth,
-    format_sun_elevation,
     nest_fields,
     record_path,
     round_all,
     round_significant,
 )
+from lighting.formatting import format_azimuth, format_sun_elevation
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
 

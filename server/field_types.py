@@ -21,7 +21,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
 from lighting.fusion.user_input import read_headings
 from lighting.map_options import Adjustments, OptionText, parse_sun
-from lighting.photo.clock import parse_time, parse_utc_offset
+from lighting.photo.timestamps import parse_time, parse_utc_offset
 from lighting.records import GROUND_ALBEDO
 
 MAX_SERVED_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB

@@ -28,7 +28,7 @@ from lighting.files import encode_jpeg, is_address
 from lighting.map_options import MapOptions
 from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
-from lighting.photo.tags import MAX_SIDECAR_BYTES, read_sidecar
+from lighting.photo.sidecars import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.photo_estimate import Estimate
 from lighting.records import MIN_SUITABLE, SURE_RADIUS, EvidenceKind, Json, Lighting, Trust
 from lighting.scene import EXPORTERS

@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from lighting.errors import OLD_NAMES, SHORT_FORMS, ErrorCode, ParameterError
 from lighting.fields import parameter_name
 from lighting.files import FileOptions
-from lighting.fusion.drawn_camera import read_fspy
+from lighting.fusion.fspy import read_fspy
 from lighting.fusion.user_input import DRAWN_FIELDS, UserInput, check_headings, read_headings
 from lighting.light_probe import LIGHT_PROBE_FORMATS
 from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts

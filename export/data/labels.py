@@ -24,7 +24,8 @@ from export.data.panoramas import (
 )
 from export.data.rendered_panoramas import render_panorama
 from lighting.geometry import angle_between, direction
-from lighting.probe.sky_fit import ANALYSIS_HEIGHT, DetectedSun, find_sun, fit_sky
+from lighting.probe.sky_fit import fit_sky
+from lighting.probe.sun_detection import ANALYSIS_HEIGHT, DetectedSun, find_sun
 
 _MAX_STD = 12.0  # deg, of a sun around which a fitted sky is trusted
 _INDEX_STD = 5.0  # deg, of a sun of the index that states no uncertainty

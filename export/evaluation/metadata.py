@@ -21,7 +21,7 @@ from lighting.fusion.single_view import MAX_TILT_DISAGREEMENT, Gravity, Observat
 from lighting.fusion.time_zones import is_at_sea, offset_at
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, wrap_azimuth
-from lighting.photo.camera import TILT_STD
+from lighting.photo.imu import TILT_STD
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.prediction import Prediction
 from lighting.records import EvidenceKind

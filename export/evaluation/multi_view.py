@@ -17,7 +17,8 @@ from export.evaluation import metrics
 from export.evaluation.metadata import COMPASS_MEDIAN, PHONE_STD, SimulatedMetadata, keep_evidence
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.fusion.metadata_prior import observations_from_metadata
-from lighting.fusion.multi_view import elevation_density, fuse_views, pooling_exponent, rotate_density
+from lighting.fusion.multi_view import fuse_views
+from lighting.fusion.pooling import elevation_density, pooling_exponent, rotate_density
 from lighting.fusion.single_view import Observations, Posterior
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth

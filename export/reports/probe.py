@@ -11,8 +11,9 @@ from export.evaluation.metrics import markdown_table
 from lighting.envmap.render import render, sun_light
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.photo.linear import LinearPhoto
+from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import make_bracket
-from lighting.probe.develop import BracketSettings, Moment, make_probe, yaw_rotation
+from lighting.probe.develop import BracketSettings, Moment, make_probe
 from lighting.probe.exposure_ratios import clipped_mask
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens, resample_to_latlong, unproject_from_lens
 from lighting.records import Lighting

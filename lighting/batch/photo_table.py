@@ -10,7 +10,7 @@ from typing import Any
 
 from lighting.errors import BatchError, LightingError
 from lighting.fields import option_name
-from lighting.fusion.drawn_camera import read_fspy
+from lighting.fusion.fspy import read_fspy
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.map_options import Adjustments
 

@@ -20,7 +20,7 @@ from lighting.batch.pool import FOREIGN_MAP
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE, has_lights, table_row, table_schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
 from lighting.files import escape_undecodable, is_own_map
-from lighting.photo.tags import MAX_SIDECAR_BYTES, read_sidecar
+from lighting.photo.sidecars import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.records import Json
 
 _EXTRA = ("The engine ray needs Ray and pyarrow", "ray")

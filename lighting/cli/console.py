@@ -141,7 +141,7 @@ def _format_summary(name: str, lighting: "Lighting") -> str:
         name: of the photo.
         lighting: its light.
     """
-    from lighting.fields import format_azimuth, format_sun_elevation, format_tilt
+    from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
     from lighting.records import describe_candidates, describe_trust
 
     candidates, by_hand = describe_candidates(lighting), lighting.radius_90 == 0.0
@@ -179,7 +179,7 @@ def _format_time(lighting: "Lighting") -> str:
     """When the photo was taken, as the answer believes, on the clock of its offset from UTC."""
     if lighting.utc_time is None:
         return ""
-    from lighting.fields import format_utc_offset
+    from lighting.formatting import format_utc_offset
 
     offset = timedelta(hours=lighting.utc_offset or 0.0)
     local = lighting.utc_time.astimezone(timezone(offset))

@@ -447,7 +447,7 @@ def parse_time_option(_ctx: click.Context, _param: click.Parameter, text: str | 
     """
     if text is None:
         return None
-    from lighting.photo.clock import parse_time
+    from lighting.photo.timestamps import parse_time
 
     return _parsed(parse_time, text)
 
@@ -462,7 +462,7 @@ def parse_utc_offset_option(_ctx: click.Context, _param: click.Parameter, text: 
     """
     if text is None:
         return None
-    from lighting.photo.clock import parse_utc_offset
+    from lighting.photo.timestamps import parse_utc_offset
 
     return _parsed(parse_utc_offset, text)
 
@@ -484,7 +484,7 @@ def _fspy_camera(_ctx: click.Context, _param: click.Parameter, name: str | None)
     if name is None:
         return None
     from lighting.cli.console import read_small_file
-    from lighting.fusion.drawn_camera import MAX_FSPY_BYTES, read_fspy
+    from lighting.fusion.fspy import MAX_FSPY_BYTES, read_fspy
 
     data = read_small_file(name, MAX_FSPY_BYTES)
     try:

@@ -289,7 +289,7 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool, quiet: bool) 
 
     PROBE is an EXR or HDR file, or a panorama of 8 or 16 bits, which tells them roughly.
     """
-    from lighting.fields import format_side
+    from lighting.formatting import format_side
 
     state = _state(sky, sun, quiet)
     if as_json:

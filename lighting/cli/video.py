@@ -187,7 +187,7 @@ def _report(clip: str, result: "VideoResult", quiet: bool) -> None:
 
 def _format_shot(number: int, shot: "Shot") -> str:
     """One line for people about a shot."""
-    from lighting.fields import format_side, format_sun_elevation
+    from lighting.formatting import format_side, format_sun_elevation
     from lighting.video.shot import shot_lighting
 
     path, light = shot.path, shot_lighting(shot)

@@ -14,7 +14,6 @@ References:
 """
 
 import math
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -40,8 +39,6 @@ _MIN_LENGTH = 10.0  # pixels, of a line
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
 _STEPS, _MAX_STEP = 20, np.array([15.0, 15.0, 0.5, 0.1, 0.1])  # of Gauss and Newton
 _DIFFERENCE = 1e-4  # of numerical derivatives
-_FSPY_HEADER = struct.Struct("<4sIII")  # name, version, bytes of the state, bytes of the picture
-MAX_FSPY_BYTES = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -319,7 +316,7 @@ def _look_at_middle(camera: Pinhole, shift: tuple[float, float]) -> Pinhole:
         return pixel_ray(camera, (x + shift[0], y + shift[1]))
 
     rays = ray(width / 2, height / 2), ray(width / 2, 0.0), ray(width / 2, height)
-    known = _camera_through(*rays, up=np.array([0.0, 1.0, 0.0]))
+    known = camera_through(*rays, up=np.array([0.0, 1.0, 0.0]))
     return replace(camera, elevation=known.elevation, roll=known.roll, vertical_fov=known.vertical_fov)
 
 
@@ -421,61 +418,15 @@ def _ground_point(camera: Pinhole, point: tuple[float, float]) -> Floats:
     return np.asarray(ray / -ray[1])
 
 
-# Cameras of fSpy.
-
-
-def read_fspy(data: bytes) -> KnownCamera:
-    """Return the camera in a project of fSpy, or in the JSON that fSpy exports.
-
-    The world's axis that lies nearest to the camera's own vertical is taken for the world's vertical. Where the
-    principal point is off the picture's middle, as in a cropped photo, the camera is turned to look at the middle.
+def camera_through(forward: Floats, top: Floats, bottom: Floats, up: Floats) -> KnownCamera:
+    """The camera that looks along a ray, by those through the middles of the picture's upper and lower edge.
 
     Args:
-        data: what the file holds.
-
-    Raises:
-        ParameterError: it is no such file, or holds no camera.
+        forward: (3,) unit vector along the ray.
+        top: (3,) unit vector through the middle of the upper edge.
+        bottom: (3,) the same of the lower edge.
+        up: (3,) unit vector, upwards in the frame of the rays.
     """
-    import json
-
-    try:
-        if data.startswith(b"fspy"):
-            _, _, size, _ = _FSPY_HEADER.unpack_from(data)
-            data = data[_FSPY_HEADER.size : _FSPY_HEADER.size + size]
-        content = json.loads(data)
-        content = content.get("cameraParameters", content)
-        rows, point = np.array(content["cameraTransform"]["rows"], dtype=float), content["principalPoint"]
-        size = (float(content["imageWidth"]), float(content["imageHeight"]))
-        return _camera_of_fspy(rows[:3, :3], size, float(content["horizontalFieldOfView"]), (point["x"], point["y"]))
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError, struct.error) as error:
-        sentence = "It is no project of fSpy with a camera, nor the camera's JSON that fSpy exports."
-        raise ParameterError(sentence, "camera", ErrorCode.UNREADABLE) from error
-
-
-def _camera_of_fspy(
-    axes: Floats, size: tuple[float, float], horizontal_fov: float, principal: tuple[float, float]
-) -> KnownCamera:
-    """The camera by its right, up and backward axes (3, 3) in columns, its picture's size, and fSpy's two numbers.
-
-    Coordinates of fSpy in the picture are from the middle, to the right and up, in halves of its longer side.
-    """
-    if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3) or not min(size) > 0 or not 0 < horizontal_fov < math.pi:
-        raise ValueError(size)
-    up = np.eye(3)[int(np.argmax(np.abs(axes[:, 1])))]
-    up = up * np.sign(float(up @ axes[:, 1]))
-    width, height = (side / max(size) for side in size)
-    focal = width / math.tan(horizontal_fov / 2)
-    x, y = map(float, principal)
-
-    def ray(right: float, above: float) -> Floats:
-        vector = axes @ np.array([right - x, above - y, -focal])
-        return np.asarray(vector / np.linalg.norm(vector))
-
-    return _camera_through(ray(0.0, 0.0), ray(0.0, height), ray(0.0, -height), up)
-
-
-def _camera_through(forward: Floats, top: Floats, bottom: Floats, up: Floats) -> KnownCamera:
-    """The camera that looks along a ray (3,), by those through the middles of the picture's upper and lower edge."""
     level = np.cross(forward, up)
     level = level / np.linalg.norm(level)
     right = np.cross(forward, top - bottom)

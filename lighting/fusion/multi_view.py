@@ -1,15 +1,7 @@
 """Posterior of several photos of one scene and light.
 
-Crops of one scene share its misleading sides, so the errors of the network are alike: n photos count as fewer. The
-errors of two views correlate by a constant where they share nothing and by 1 where they show the same; in between by
-the square of the overlap. A view counts by one over the sum of its correlations with all, itself included; that is the
-weight of the best linear mean where all correlate alike. Views are rotated, blurred and pooled with these weights
-(logarithmic opinion pool).
-
-In a share of cases, though, one thing misleads all views, and then they tell no more than one does: the answer is a
-mixture of both products. Without it, a few scenes where all views err would cost too wide regions everywhere.
-`export report photo-sets overlap` fitted SUN_CORRELATION; AZIMUTH_CORRELATION was chosen by the same loss on rings, on
-160 panoramas of the same scenes.
+Each group of photos that match each other has a frame; compasses join the groups. Views are rotated, blurred and
+pooled with the weights of `pooling`.
 """
 
 from collections.abc import Sequence
@@ -24,6 +16,19 @@ import lighting.sun_grid as sun_grid
 from lighting.calibration import up_in_camera
 from lighting.decoding import light_from_vector, light_to_vector
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fusion.pooling import (
+    AZIMUTH_CORRELATION,
+    ELEVATION_KERNEL_STD,
+    MIN_DENSITY,
+    SUN_CORRELATION,
+    blur_grid_heading,
+    blur_ring_heading,
+    effective_weights,
+    elevation_density,
+    pool_log_likelihoods,
+    pooling_exponent,
+    rotate_density,
+)
 from lighting.fusion.single_view import Observations, Posterior, posterior_on_grid, posterior_on_rings
 from lighting.fusion.user_input import check_headings
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
@@ -37,7 +42,6 @@ from lighting.sun_grid import (
     grid_directions,
     grid_solid_angle,
     heading_from_probability,
-    smooth_density,
     von_mises,
 )
 from lighting.warning_codes import CodedWarning, WarningCode
@@ -47,13 +51,13 @@ if TYPE_CHECKING:
 
     Views = Sequence[RegisteredView]
 
+
 _ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 _RELATIVE_HEADING_STD = 10.0  # deg between two compass headings of one phone, whose larger error is shared
-
+_MIN_HEADING_STD = 0.5  # deg, of a heading over whole degrees
 _MATCH_OUTLIER_RATE = 0.01  # share of useless rotations by matches; `export report photo-sets` found none in 75 pairs
 _MAX_UP_DISAGREEMENT = 25.0  # deg, five times what nine of ten photos err in their camera's elevation
 _SUN_MOTION_SCALE = 30.0  # deg of the sun's motion after which the same view is another witness
-_MIN_HEADING_STD = 0.5  # deg, of a heading over whole degrees
 
 _SEPARATE_GROUP = CodedWarning(
     "It does not overlap the first photo: only light says where it points.",
@@ -63,148 +67,6 @@ _SEPARATE_PHOTO = CodedWarning(
     "It overlaps no other photo: only light says where it points.",
     WarningCode.TURN_INFERRED,
 )
-
-ELEVATION_KERNEL_STD = 4.0  # deg, kernel of an elevation's density: the size of a cell
-_MIN_DENSITY = 1e-12  # 1/sr, that stands for none where logarithms are taken
-
-_MAX_OVERLAP_FOVS = 1.25  # vertical fields of view between two optical axes from which views share nothing
-_BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # standard deviations, over which an uncertain heading is averaged
-_MIN_BLUR_STD = 1.5  # deg, of a heading; smaller errors vanish beside the 4 deg between cells
-
-
-@dataclass(frozen=True)
-class Correlation:
-    """How the errors of views correlate."""
-
-    without_overlap: float
-    """Of two views that share nothing, 0 to 1."""
-    outlier_rate: float
-    """Share of cases in which all views tell no more than one, 0 to 1."""
-
-
-SUN_CORRELATION = Correlation(0.05, 0.15)  # of the sun's distribution in one frame
-AZIMUTH_CORRELATION = Correlation(0.0, 0.05)  # of its azimuth at a known elevation
-
-
-def effective_weights(
-    optical_axes: Floats,
-    vertical_fov: Floats,
-    correlation: Correlation,
-    similarity: Floats | float = 1.0,
-    present: Floats | None = None,
-) -> Floats:
-    """How much each of n views counts (n,), 0 to 1.
-
-    Args:
-        optical_axes: (n, 3) unit vectors in one frame.
-        vertical_fov: (n,) deg.
-        correlation: of the views' errors.
-        similarity: (n, n) of their light, 0 to 1: the same view under another sun is another witness.
-        present: (n,) how far each view is part of the set, 0 to 1; None: all are.
-    """
-    shared = np.square(_overlap(optical_axes, vertical_fov)) * similarity
-    matrix = correlation.without_overlap + (1.0 - correlation.without_overlap) * shared
-    np.fill_diagonal(matrix, 0.0)
-    part = np.ones(len(optical_axes)) if present is None else present
-    return np.asarray(part / (1.0 + matrix @ part))
-
-
-def _overlap(optical_axes: Floats, vertical_fov: Floats) -> Floats:
-    """Shares (n, n) of the pictures' width that two views have in common, 0 to 1."""
-    distance = angle_between(optical_axes[:, None], optical_axes[None])
-    width = _MAX_OVERLAP_FOVS * 0.5 * (vertical_fov[:, None] + vertical_fov[None])
-    return np.asarray(np.maximum(0.0, 1.0 - distance / width))
-
-
-def pooling_exponent(count: int, correlation: float) -> float:
-    """Exponent of each of several distributions whose errors correlate.
-
-    Args:
-        count: 1 or more distributions.
-        correlation: of two of them, 0 to 1.
-    """
-    return 1.0 / (1.0 + (count - 1) * correlation)
-
-
-def pool_log_likelihoods(
-    log_density: Floats, weight: Floats, correlation: Correlation, area: Floats | float = 1.0
-) -> Floats:
-    """Pool the densities of n views to probabilities (...) of cells, 1 in sum.
-
-    Args:
-        log_density: (n, ...) natural logarithms, up to a constant a view.
-        weight: (n,) how much each view counts, as `effective_weights` returns it.
-        correlation: of the views' errors.
-        area: (...) solid angle of the cells, up to a factor.
-    """
-    independent, alike = (_product(log_density, exponent, area) for exponent in (weight, weight / weight.sum()))
-    return np.asarray((1.0 - correlation.outlier_rate) * independent + correlation.outlier_rate * alike)
-
-
-def _product(log_density: Floats, exponent: Floats, area: Floats | float) -> Floats:
-    """Probabilities (...), 1 in sum, by the product of densities whose logarithms are (n, ...), to exponents (n,)."""
-    total = np.tensordot(exponent, log_density, axes=1)
-    p = np.exp(total - total.max()) * area
-    return np.asarray(p / p.sum())
-
-
-def rotate_density(probability: Floats, rotation: float, layout: str) -> Floats:
-    """Density [1/sr] (N,) at the cells of a rotated camera.
-
-    Args:
-        probability: (N,) of the cells of the camera that is not rotated.
-        rotation: deg clockwise from that camera to the other.
-        layout: of the sun grid.
-    """
-    azimuth, elevation = angles(grid_directions(layout))
-    return smooth_density(probability, direction(azimuth + rotation, elevation), layout)
-
-
-def elevation_density(prediction: Prediction, elevation: Floats) -> Floats:
-    """Density [1/sr] (N,) at elevations, averaged over azimuth.
-
-    Args:
-        prediction: of the network.
-        elevation: (N,) deg above the horizon.
-    """
-    layout = prediction.spec.sun_grid
-    cells = angles(grid_directions(layout))[1]
-    weight = np.exp(-0.5 * ((elevation[:, None] - cells) / ELEVATION_KERNEL_STD) ** 2)
-    return np.asarray(weight @ prediction.sun_probability / (weight @ grid_solid_angle(layout)))
-
-
-def _blur_grid_heading(prediction: Prediction, heading_std: float, outlier_rate: float) -> Floats:
-    """Probabilities (N,) of the cells after an error of the heading.
-
-    Args:
-        prediction: of the network.
-        heading_std: deg, one standard deviation; 0 changes nothing.
-        outlier_rate: share of headings that say nothing, 0 to 1.
-    """
-    if not heading_std:
-        return prediction.sun_probability
-    layout = prediction.spec.sun_grid
-    anywhere = elevation_density(prediction, angles(grid_directions(layout))[1]) * grid_solid_angle(layout)
-    blurred = prediction.sun_probability
-    if heading_std >= _MIN_BLUR_STD:
-        weight = np.exp(-0.5 * np.square(_BLUR_STEPS))
-        rotated = [rotate_density(prediction.sun_probability, heading_std * step, layout) for step in _BLUR_STEPS]
-        blurred = np.asarray(weight @ np.array(rotated) / weight.sum() * grid_solid_angle(layout))
-    return np.asarray((1 - outlier_rate) * blurred + outlier_rate * anywhere)
-
-
-def _blur_ring_heading(density: Floats, heading_std: float, outlier_rate: float) -> Floats:
-    """Densities (K, 360) over headings after an error of the heading.
-
-    Args:
-        density: (K, 360) over HEADINGS.
-        heading_std: deg, one standard deviation; 0 changes nothing.
-        outlier_rate: share of headings that say nothing, 0 to 1.
-    """
-    if not heading_std:
-        return density
-    anywhere = density.mean(axis=1, keepdims=True)
-    return np.asarray((1 - outlier_rate) * blur_headings(density, heading_std) + outlier_rate * anywhere)
 
 
 def fuse_views(
@@ -353,7 +215,7 @@ def _up_warnings(prediction: Prediction, view: "RegisteredView") -> tuple[str, .
 
 def _share_sky(predictions: Sequence[Prediction]) -> list[Prediction]:
     """The predictions with their common turbidity, exposure and irradiances, geometric means, and their mean cover."""
-    logs = np.log([[max(p.turbidity, _MIN_DENSITY), max(p.exposure, _MIN_DENSITY)] for p in predictions])
+    logs = np.log([[max(p.turbidity, MIN_DENSITY), max(p.exposure, MIN_DENSITY)] for p in predictions])
     turbidity, exposure = map(float, np.exp(logs.mean(axis=0)))
     light = _mean_light([p.light for p in predictions])
     common = [replace(p, turbidity=turbidity, exposure=exposure) for p in predictions]
@@ -419,11 +281,11 @@ def _pool_on_grid(predictions: Sequence[Prediction], frames: _Frames) -> list[Fl
     layout = predictions[0].spec.sun_grid
     weight = effective_weights(*_optical_axes(predictions, frames.heading), SUN_CORRELATION)
     errors = zip(predictions, frames.heading_std, strict=True)
-    blurred = [_blur_grid_heading(p, float(std), frames.outlier_rate) for p, std in errors]
+    blurred = [blur_grid_heading(p, float(std), frames.outlier_rate) for p, std in errors]
     pooled = []
     for target in frames.heading:
         density = [rotate_density(p, target - h, layout) for p, h in zip(blurred, frames.heading, strict=True)]
-        log_density = np.log(np.maximum(density, _MIN_DENSITY))
+        log_density = np.log(np.maximum(density, MIN_DENSITY))
         pooled.append(pool_log_likelihoods(log_density, weight, SUN_CORRELATION, grid_solid_angle(layout)))
     return pooled
 
@@ -435,7 +297,7 @@ def _share_elevation(predictions: Sequence[Prediction], probability: Sequence[Fl
     cells = angles(grid_directions(predictions[0].spec.sun_grid))[1]
     firsts = [int(group[0]) for group in frames.members()]
     fused = {i: replace(predictions[i], sun_probability=probability[i]) for i in firsts}
-    of_group = {frames.group[i]: np.maximum(elevation_density(p, cells), _MIN_DENSITY) for i, p in fused.items()}
+    of_group = {frames.group[i]: np.maximum(elevation_density(p, cells), MIN_DENSITY) for i, p in fused.items()}
     exponent = pooling_exponent(len(of_group), _ELEVATION_CORRELATION)
     common = np.exp(exponent * np.sum(np.log(list(of_group.values())), axis=0))
     shared = [p * common / of_group[number] for p, number in zip(probability, frames.group, strict=True)]
@@ -476,7 +338,7 @@ def _fuse_on_rings(predictions: list[Prediction], observations: list[Observation
     prior = [single_view.compass_prior(o) for o in observations]
     by_photo: dict[int, Floats] = {}
     for group in frames.members():
-        blurred = [_blur_ring_heading(likelihood[i], float(frames.heading_std[i]), frames.outlier_rate) for i in group]
+        blurred = [blur_ring_heading(likelihood[i], float(frames.heading_std[i]), frames.outlier_rate) for i in group]
         axes = _optical_axes([predictions[i] for i in group], frames.heading[group])
         similarity = _sun_similarity([observations[i] for i in group])
         weight = effective_weights(*axes, AZIMUTH_CORRELATION, similarity)
@@ -496,7 +358,7 @@ def _sun_similarity(observations: Sequence[Observations]) -> Floats:
 def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floats, weight: Floats) -> list[Floats]:
     """Weights (K, 360) of each photo when one heading gives all; compass errors are shared, so priors are averaged."""
     compasses = max(1, sum(p.min() < p.max() for p in prior))
-    logs = [np.log(np.maximum(density, _MIN_DENSITY)) for density in likelihood]
+    logs = [np.log(np.maximum(density, MIN_DENSITY)) for density in likelihood]
     log_likelihood = [_shift_headings(log, h) for log, h in zip(logs, headings, strict=True)]
     log_priors = [_shift_headings(np.log(p) / compasses, h) for p, h in zip(prior, headings, strict=True)]
     log_prior = np.sum(log_priors, axis=0)
@@ -507,7 +369,7 @@ def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floa
 
 def _share_zone(weights: Sequence[Floats], frames: _Frames) -> list[Floats]:
     """Weights (K, 360) of each photo when the groups have no more than the candidates in common."""
-    mass = [np.maximum(w.sum(axis=1, keepdims=True), _MIN_DENSITY) for w in weights]
+    mass = [np.maximum(w.sum(axis=1, keepdims=True), MIN_DENSITY) for w in weights]
     firsts = [int(group[0]) for group in frames.members()]
     exponent = pooling_exponent(len(firsts), _ELEVATION_CORRELATION)
     zone = np.exp(exponent * np.sum(np.log([mass[i] for i in firsts]), axis=0))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import lighting.geometry as geometry
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import format_azimuth, format_tilt
+from lighting.formatting import format_azimuth, format_tilt
 from lighting.fusion.consistency import consistency_warnings
 from lighting.fusion.drawn_camera import DrawnCamera, fit_camera
 from lighting.fusion.shadows import OwnShadow, ShadowMark, fuse_shadows, implied_azimuth

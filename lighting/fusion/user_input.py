@@ -26,7 +26,7 @@ from lighting.fusion.drawn_camera import (
     read_spot,
 )
 from lighting.fusion.shadows import ShadowMark, check_marks, read_shadow
-from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
+from lighting.photo.timestamps import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
 _RANGES["camera_height"] = RANGES["camera_height"]

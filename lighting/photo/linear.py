@@ -23,7 +23,8 @@ from lighting.photo.color_encoding import is_gamma_encoded, read_color_encoding
 from lighting.photo.formats import kind_name
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata
 from lighting.photo.pixels import check_bit_depth, gray_16_bit, make_upright
-from lighting.photo.tags import PhotoTags, read_sidecar, read_tags
+from lighting.photo.sidecars import read_sidecar
+from lighting.photo.tags import PhotoTags, read_tags
 from lighting.photo.tiff import open_raw_header, photo_page
 
 Pixels = NDArray[np.float32]

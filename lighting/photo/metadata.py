@@ -20,8 +20,9 @@ from PIL import ExifTags
 
 from lighting.fields import describe_fields
 from lighting.geometry import wrap_azimuth
-from lighting.photo.camera import DJI_NAMESPACE, PhotoFrame, read_lens, read_pose
+from lighting.photo.camera import PhotoFrame, read_lens
 from lighting.photo.clock import read_clock, read_gps_time
+from lighting.photo.imu import DJI_NAMESPACE, read_pose
 from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, PhotoTags, Tags, read_number, read_text, read_xmp_number
 
 Locations = tuple[tuple[float, float], ...]  # latitudes and longitudes, deg, positive north and east

@@ -32,7 +32,8 @@ from lighting.photo.borders import Layout, find_layout
 from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, upright_pixels
-from lighting.photo.tags import read_sidecar, read_tags
+from lighting.photo.sidecars import read_sidecar
+from lighting.photo.tags import read_tags
 from lighting.warning_codes import CodedWarning, WarningCode
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO

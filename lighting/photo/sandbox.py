@@ -47,7 +47,7 @@ from lighting.photo.reader import (
     read_bytes,
     read_photo,
 )
-from lighting.photo.tags import read_sidecar
+from lighting.photo.sidecars import read_sidecar
 from lighting.records import Json
 from lighting.tracing import trace_step
 from lighting.warning_codes import CodedWarning, WarningCode, warning_code

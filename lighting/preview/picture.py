@@ -10,8 +10,8 @@ from PIL import Image
 
 from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
 from lighting.envmap.projection import photo_camera
-from lighting.fields import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.files.exr import check_envmap
+from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
 from lighting.prediction import EstimatedLight, SunDistribution, check_estimate

@@ -16,7 +16,7 @@ from lighting.errors import ProbeError
 from lighting.geometry import Floats
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import Bracket
-from lighting.probe.sky_fit import Mask
+from lighting.probe.sun_detection import Mask
 
 READ_NOISE = 2e-4  # of full scale, where rounding is finer than that
 LIGHT_NOISE = 5e-5  # variance per value: 20,000 electrons at full scale

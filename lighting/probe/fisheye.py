@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ErrorCode, ProbeError
 from lighting.geometry import Floats, camera_axes, direction, latlong_pixel
-from lighting.probe.sky_fit import Mask
+from lighting.probe.sun_detection import Mask
 
 LensKind = Literal["equidistant", "equisolid", "ball", "latlong"]
 

@@ -23,7 +23,7 @@ from lighting.geometry import Floats
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import Bracket
 from lighting.probe.exposure_ratios import clipped_mask, dilate, max_terraced_value, noise_variance
-from lighting.probe.sky_fit import Mask
+from lighting.probe.sun_detection import Mask
 
 _ROWS_AT_ONCE = 128  # merged at once, so that little memory is needed beside the exposures
 SMOOTHING_REACH = 3.6  # deg, of the smoothing: less than the features of a clear sky, more than a pixel of its map

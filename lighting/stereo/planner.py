@@ -18,7 +18,7 @@ from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.fields import OPTIONAL_RANGES, check_range
 from lighting.files import read_envmap
 from lighting.geometry import Floats, latlong_directions
-from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE
+from lighting.photo.timestamps import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.preview.drawing import (
     BACKGROUND,
     LINE,

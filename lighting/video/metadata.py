@@ -20,9 +20,10 @@ import numpy as np
 
 from lighting.color import LogCurve
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.photo.camera import heading_from_gimbal, vertical_fov_from_focal_length
-from lighting.photo.clock import Stamp, read_stamp
+from lighting.photo.camera import vertical_fov_from_focal_length
+from lighting.photo.imu import heading_from_gimbal
 from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.timestamps import Stamp, read_stamp
 from lighting.warning_codes import CodedWarning, WarningCode
 
 QUICKTIME = "com.apple.quicktime."

@@ -22,7 +22,7 @@ from lighting.color import luminance, srgb_decode
 from lighting.decoding import light_from_vector, light_to_vector, lighting_from_prediction
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, sky_white_balance
 from lighting.fusion.estimate import screen_prediction
-from lighting.fusion.multi_view import (
+from lighting.fusion.pooling import (
     AZIMUTH_CORRELATION,
     SUN_CORRELATION,
     Correlation,

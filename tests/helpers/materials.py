@@ -14,7 +14,8 @@ from PIL import Image
 from benchmarks.scene_measures import Picture, shadow_azimuth
 from export.reports.probe import SKY_DAY, _BracketCamera, _clear_sky_at, _expose_bracket, _photograph_sky
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.probe.develop import Moment, yaw_rotation
+from lighting.probe.alignment import yaw_rotation
+from lighting.probe.develop import Moment
 from lighting.probe.fisheye import make_lens
 from lighting.scene.records import Scene
 from lighting.scene.writer import write_scene

@@ -32,8 +32,8 @@ from lighting.files import FileOptions, write_envmap
 from lighting.files.exr import write_exr
 from lighting.map_options import MapOptions
 from lighting.model import Model
-from lighting.photo.clock import parse_time, parse_utc_offset
 from lighting.photo.reader import check_photo, photo_from_array
+from lighting.photo.timestamps import parse_time, parse_utc_offset
 from lighting.preview.picture import draw_preview_pixels
 from lighting.records import Lighting
 from lighting.scene.records import make_scene

@@ -8,17 +8,8 @@ from dataclasses import fields
 import pytest
 
 import lighting
-from lighting.fields import (
-    COLOR_RANGES,
-    OPTIONAL_RANGES,
-    RANGES,
-    describe_fields,
-    field_docstrings,
-    format_azimuth,
-    format_side,
-    format_sun_elevation,
-    format_tilt,
-)
+from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, describe_fields, field_docstrings
+from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop, PhotoOrigin

@@ -15,7 +15,7 @@ from export.data.procedural_towns import EYE, _box, _join
 from export.data.rendered_towns import TOWN_HEIGHT, VARIABLE, RenderedTown, _despeckle, _Sky, find_llvm, random_sky
 from export.networks.outdoor import network_specs
 from lighting.geometry import angle_between, direction, latlong_directions
-from lighting.probe.sky_fit import find_sun
+from lighting.probe.sun_detection import find_sun
 from tests.helpers.panoramas import ALBEDO, NOTHING, clear, plain
 
 

@@ -21,8 +21,9 @@ from export.reports.probe import (
 )
 from lighting.envmap.render import sun_light
 from lighting.errors import ProbeError
+from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import make_bracket, read_bracket
-from lighting.probe.develop import BracketSettings, Moment, make_probe, yaw_rotation
+from lighting.probe.develop import BracketSettings, Moment, make_probe
 from lighting.probe.exposure_ratios import measure_ratios
 from lighting.probe.fisheye import make_lens
 

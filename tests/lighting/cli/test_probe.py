@@ -16,7 +16,8 @@ from lighting.cli.probe import PROBE_KINDS
 from lighting.color import srgb_encode
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, read_exr_attributes, write_exr
-from lighting.probe.develop import Moment, yaw_rotation
+from lighting.probe.alignment import yaw_rotation
+from lighting.probe.develop import Moment
 from lighting.probe.fisheye import LENS_KINDS as LENSES
 from lighting.probe.fisheye import make_lens
 from lighting.probe.probe_files import probe_path, probes_in

@@ -18,10 +18,10 @@ from lighting.fusion.drawn_camera import (
     fit_camera,
     height_by_reference,
     read_edge,
-    read_fspy,
     read_line,
     read_reference,
 )
+from lighting.fusion.fspy import read_fspy
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, Pinhole, camera_pixel, direction, pixel_ray
 

@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.fusion.multi_view import (
-    _ELEVATION_CORRELATION,
-    _RELATIVE_HEADING_STD,
+from lighting.fusion.multi_view import _ELEVATION_CORRELATION, _RELATIVE_HEADING_STD, _frames, fuse_views
+from lighting.fusion.pooling import (
     SUN_CORRELATION,
     Correlation,
-    _frames,
     _overlap,
     effective_weights,
     elevation_density,
-    fuse_views,
     pool_log_likelihoods,
     pooling_exponent,
     rotate_density,

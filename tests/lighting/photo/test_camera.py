@@ -12,7 +12,8 @@ from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
 from lighting.geometry import camera_axes
-from lighting.photo.camera import PhotoFrame, _PhotoLens, _rotate_to_upright, read_lens, vertical_fov_from_focal_length
+from lighting.photo.camera import PhotoFrame, _PhotoLens, read_lens, vertical_fov_from_focal_length
+from lighting.photo.imu import _rotate_to_upright
 from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import upright_pixels
 from lighting.photo.reader import read_photo

@@ -21,9 +21,9 @@ from lighting.fusion.metadata_prior import observations_single
 from lighting.fusion.single_view import fuse
 from lighting.fusion.time_zones import resolve_hemisphere
 from lighting.fusion.user_input import UserInput
-from lighting.photo.clock import to_utc
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, read_photo
+from lighting.photo.timestamps import to_utc
 from lighting.records import Lighting
 from lighting.warning_codes import WarningCode, warning_code
 from tests.conftest import encode, exif

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.errors import ParameterError
-from lighting.photo.clock import parse_time, parse_utc_offset, to_utc
+from lighting.photo.timestamps import parse_time, parse_utc_offset, to_utc
 
 
 @pytest.mark.parametrize(

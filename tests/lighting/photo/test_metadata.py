@@ -18,7 +18,7 @@ from lighting.fusion.time_zones import resolve_hemisphere
 from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata, _read_heading, _read_locations, read_metadata
 from lighting.photo.reader import read_photo
-from lighting.photo.tags import _MAX_XMP_BYTES, _read_xmp, read_tags
+from lighting.photo.tags import MAX_XMP_BYTES, read_tags, read_xmp
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import DJI, RDF, drone, packet
 
@@ -279,15 +279,15 @@ BOMB = (
 
 def test_attributes_and_elements_are_alike() -> None:
     for elements in (False, True):
-        found = _read_xmp(drone("-12.30", elements=elements))
+        found = read_xmp(drone("-12.30", elements=elements))
         assert found[PITCH] == "-12.30"
-        assert _read_xmp(drone("-12.30", elements=elements) + b"\0\0 \n") == found
-        assert _read_xmp(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
+        assert read_xmp(drone("-12.30", elements=elements) + b"\0\0 \n") == found
+        assert read_xmp(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
 
 
 def test_the_first_of_two_counts() -> None:
     twice = packet(DJI, {"GimbalPitchDegree": "-1"}).replace(b"</rdf:RDF>", b"<d:a xmlns:d='u'>2</d:a></rdf:RDF>")
-    assert _read_xmp(twice)[PITCH] == "-1"
+    assert read_xmp(twice)[PITCH] == "-1"
 
 
 @pytest.mark.parametrize(
@@ -304,26 +304,26 @@ def test_the_first_of_two_counts() -> None:
         BOMB,
         b'<!DOCTYPE x SYSTEM "file:///etc/passwd"><x/>',
         b'<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]><x>&e;</x>',
-        drone("-1").replace(b"<rdf:RDF", b"<!--" + b"x" * _MAX_XMP_BYTES + b"--><rdf:RDF"),
+        drone("-1").replace(b"<rdf:RDF", b"<!--" + b"x" * MAX_XMP_BYTES + b"--><rdf:RDF"),
     ],
 )
 def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
-    assert _read_xmp(data) == {}
+    assert read_xmp(data) == {}
 
 
 @pytest.mark.parametrize(
     "data",
     [
         BOMB,
-        b"<x>" * (_MAX_XMP_BYTES // 3),
+        b"<x>" * (MAX_XMP_BYTES // 3),
         b"<x " + b" ".join(f'a{i}="1"'.encode() for i in range(20_000)) + b"/>",
-        b"<x>" + b"&amp;" * (_MAX_XMP_BYTES // 5 - 10) + b"</x>",
+        b"<x>" + b"&amp;" * (MAX_XMP_BYTES // 5 - 10) + b"</x>",
         b"<x>" + b"\0" * 60_000_000,
     ],
 )
 def test_no_packet_takes_long(data: bytes) -> None:
     start = time.process_time()
-    _read_xmp(data)
+    read_xmp(data)
     assert time.process_time() - start < 1.0
 
 
@@ -337,7 +337,7 @@ def test_megabytes_of_it_leave_the_photo_as_it_is() -> None:
 @given(st.binary(max_size=200))
 def test_no_packet_whatever_raises(data: bytes) -> None:
     for start in (b"", b"<", b"<x ", drone("-1")[:200]):
-        _read_xmp(start + data)
+        read_xmp(start + data)
 
 
 def with_segment(jpeg: bytes, block: bytes) -> bytes:
@@ -375,8 +375,8 @@ def test_the_first_of_several_xmp_packets_counts_where_it_says_something() -> No
 
 
 def test_xmp_in_utf_16_and_with_junk_behind_it() -> None:
-    assert _read_xmp(drone("-1").decode().encode("utf-16"))[PITCH] == "-1"
-    assert _read_xmp(drone("-1") + b"\0\0junk")[PITCH] == "-1"
+    assert read_xmp(drone("-1").decode().encode("utf-16"))[PITCH] == "-1"
+    assert read_xmp(drone("-1") + b"\0\0junk")[PITCH] == "-1"
 
 
 @pytest.mark.parametrize(

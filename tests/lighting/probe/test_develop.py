@@ -21,24 +21,22 @@ from lighting.envmap.render import render, sun_light
 from lighting.errors import ProbeError
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import angle_between, angles, camera_axes, direction, latlong_directions
+from lighting.probe.alignment import align_by_sun, align_series, yaw_rotation
 from lighting.probe.bracket import Bracket, make_bracket
 from lighting.probe.develop import (
     BracketSettings,
     Moment,
     Probe,
-    _align_by_sun,
-    _align_series,
     _check_day,
     _fill_sun,
     make_probe,
     make_series,
     probe_output_path,
     write_probe,
-    yaw_rotation,
 )
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens
 from lighting.probe.probe_files import probes_in
-from lighting.probe.sky_fit import find_sun_blob
+from lighting.probe.sun_detection import find_sun_blob
 from lighting.records import Lighting
 
 MORNING = Moment(SKY_DAY, *SKY_PLACE)
@@ -63,7 +61,7 @@ def test_a_yaw_adds_to_azimuths() -> None:
 
 
 def test_one_sun_tells_the_yaw_and_how_wrong_the_elevation_is() -> None:
-    alignment = _align_by_sun(LENS, (100.0, 31.0), (150.0, 30.0))
+    alignment = align_by_sun(LENS, (100.0, 31.0), (150.0, 30.0))
     assert alignment.rotation == pytest.approx(yaw_rotation(50.0))
     assert alignment.residual == pytest.approx(1.0)
     assert alignment.tilt == pytest.approx(0, abs=1e-6)
@@ -73,7 +71,7 @@ def test_one_sun_tells_the_yaw_and_how_wrong_the_elevation_is() -> None:
 @pytest.mark.parametrize("fov", [170.0, 180.0, 195.0])
 def test_suns_of_a_day_tell_tilt_lens_and_mirror_sense(fov: float, mirrored: bool) -> None:
     true = replace(LENS, fov=fov, mirrored=mirrored)
-    alignment = _align_series(LENS, seen(true, noise=0.3), SUNS)
+    alignment = align_series(LENS, seen(true, noise=0.3), SUNS)
     assert alignment.lens.mirrored is mirrored
     assert alignment.lens.fov == pytest.approx(fov, abs=1.0)
     assert alignment.tilt == pytest.approx(4.0, abs=0.3)
@@ -85,21 +83,21 @@ def test_suns_of_a_day_tell_tilt_lens_and_mirror_sense(fov: float, mirrored: boo
 def test_a_false_sun_is_left_out() -> None:
     pixels = seen(LENS)
     pixels[2] = (800.0, 800.0)
-    alignment = _align_series(LENS, pixels, SUNS)
+    alignment = align_series(LENS, pixels, SUNS)
     assert list(np.flatnonzero(~alignment.used)) == [2]
     assert alignment.tilt == pytest.approx(4.0, abs=0.2)
 
 
 def test_few_suns_and_suns_close_together_are_refused() -> None:
     with pytest.raises(ProbeError, match="found in 2"):
-        _align_series(LENS, seen(LENS)[:2], SUNS[:2])
+        align_series(LENS, seen(LENS)[:2], SUNS[:2])
     near = direction([100.0, 102.0, 104.0], [40.0, 41.0, 42.0])
     with pytest.raises(ProbeError, match="15 deg"):
-        _align_series(LENS, project_to_lens(LENS, near), near)
+        align_series(LENS, project_to_lens(LENS, near), near)
 
 
 def test_three_suns_leave_the_lens_as_told() -> None:
-    alignment = _align_series(LENS, seen(LENS)[:3], SUNS[:3])
+    alignment = align_series(LENS, seen(LENS)[:3], SUNS[:3])
     assert alignment.lens.fov == 180.0
     assert alignment.tilt == pytest.approx(4.0, abs=0.1)
 

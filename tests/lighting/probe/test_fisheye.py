@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
 from lighting.geometry import angle_between, direction, latlong_pixel, latlong_solid_angle
-from lighting.probe.develop import yaw_rotation
+from lighting.probe.alignment import yaw_rotation
 from lighting.probe.fisheye import (
     LENS_KINDS,
     UNUSED_LENS_OPTIONS,

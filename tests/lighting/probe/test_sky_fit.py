@@ -8,16 +8,8 @@ from export.data.rendered_panoramas import render_panorama
 from lighting.envmap.render import render, sun_light
 from lighting.errors import ProbeError
 from lighting.geometry import angle_between, direction, latlong_angles, latlong_directions
-from lighting.probe.sky_fit import (
-    _is_clipped,
-    _label_regions,
-    _pixel_solid_angles,
-    _sky_mask,
-    describe_sky,
-    find_sun,
-    find_sun_blob,
-    fit_sky,
-)
+from lighting.probe.sky_fit import _sky_mask, describe_sky, fit_sky
+from lighting.probe.sun_detection import find_sun, find_sun_blob, is_clipped, label_regions, pixel_solid_angles
 from lighting.records import Lighting
 from tests.helpers.skies import sun_of
 
@@ -104,7 +96,7 @@ def test_regions_join_across_the_seam_and_at_corners() -> None:
     mask = np.zeros((6, 12), bool)
     mask[2, :2] = mask[2, -2:] = True  # one region across the seam
     mask[4, 5] = mask[5, 6] = True  # one region by a corner
-    regions = _label_regions(mask)
+    regions = label_regions(mask)
     assert regions[2, 0] == regions[2, -1] != 0
     assert regions[4, 5] == regions[5, 6] != regions[2, 0]
     assert len(np.unique(regions[mask])) == 2
@@ -112,7 +104,7 @@ def test_regions_join_across_the_seam_and_at_corners() -> None:
 
 
 def test_solid_angles_of_all_pixels_make_a_sphere() -> None:
-    area = _pixel_solid_angles(16)
+    area = pixel_solid_angles(16)
     assert area.shape == (16, 32)
     assert area.sum() == pytest.approx(4 * np.pi)
     assert area[7, 0] > 9 * area[0, 0]
@@ -120,8 +112,8 @@ def test_solid_angles_of_all_pixels_make_a_sphere() -> None:
 
 def test_values_above_white_were_not_clipped() -> None:
     picture = np.full((4, 8, 3), 1.0, np.float32)
-    assert _is_clipped(picture)
-    assert not _is_clipped(picture * 1.01)
+    assert is_clipped(picture)
+    assert not is_clipped(picture * 1.01)
 
 
 @pytest.mark.slow

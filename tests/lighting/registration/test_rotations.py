@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lighting.geometry import Pinhole, camera_pixel, direction
-from lighting.registration.photo_set import _average_rotations, _connected_components
+from lighting.registration.rotation_averaging import average_rotations, connected_components
 from lighting.registration.rotations import (
     camera_from_world,
     camera_up,
@@ -146,12 +146,12 @@ def errors(rotations: np.ndarray) -> list[float]:
 
 def test_photos_fall_into_groups_by_what_connects_them() -> None:
     pairs = {(0, 2): edge(0, 2), (2, 3): edge(2, 3)}
-    assert _connected_components(5, pairs) == [(0, 2, 3), (1,), (4,)]
+    assert connected_components(5, pairs) == [(0, 2, 3), (1,), (4,)]
 
 
 def test_a_chain_is_followed_exactly() -> None:
     pairs = {(0, 1): edge(0, 1), (1, 2): edge(1, 2), (2, 3): edge(2, 3)}
-    oriented = _average_rotations((0, 1, 2, 3), pairs)
+    oriented = average_rotations((0, 1, 2, 3), pairs)
     assert max(errors(oriented.rotations)) < 1e-6
     std = np.sqrt(oriented.covariance[:, 1, 1])
     assert std == pytest.approx(0.201 * np.sqrt([0, 1, 2, 3]), rel=0.01)  # variances add along a chain
@@ -159,7 +159,7 @@ def test_a_chain_is_followed_exactly() -> None:
 
 def test_a_loop_shares_its_error() -> None:
     pairs = {(0, 1): edge(0, 1, (0.0, 0.3, 0.0)), (1, 2): edge(1, 2), (0, 2): edge(0, 2)}
-    oriented = _average_rotations((0, 1, 2), pairs)
+    oriented = average_rotations((0, 1, 2), pairs)
     assert max(
         errors(np.concatenate([oriented.rotations, [AVERAGED_CAMERAS[3] @ AVERAGED_CAMERAS[0].T]]))
     ) == pytest.approx(0.2, abs=0.02)
@@ -168,21 +168,21 @@ def test_a_loop_shares_its_error() -> None:
 def test_one_turn_that_contradicts_the_others_is_outvoted() -> None:
     pairs = {(i, j): edge(i, j) for i in range(4) for j in range(i + 1, 4)}
     pairs[0, 1] = edge(0, 1, (0.0, 20.0, 0.0))
-    assert max(errors(_average_rotations((0, 1, 2, 3), pairs).rotations)) < 0.6
+    assert max(errors(average_rotations((0, 1, 2, 3), pairs).rotations)) < 0.6
 
 
 def test_a_photo_alone_stays_where_it_is() -> None:
-    oriented = _average_rotations((2,), {})
+    oriented = average_rotations((2,), {})
     assert (oriented.rotations == np.eye(3)).all()
     assert (oriented.covariance == 0.0).all()
 
 
 def test_photos_without_a_pair_are_groups_of_one() -> None:
-    assert _connected_components(3, {}) == [(0,), (1,), (2,)]
+    assert connected_components(3, {}) == [(0,), (1,), (2,)]
 
 
 def test_the_surer_of_two_ways_counts_for_more() -> None:
     """Across a loop whose one pair is off, orientations keep nearer to the pairs of small standard deviation."""
     pairs = {(0, 1): edge(0, 1), (1, 2): edge(1, 2), (0, 2): edge(0, 2, (0.0, 0.3, 0.0), std=2.0)}
-    oriented = _average_rotations((0, 1, 2), pairs)
+    oriented = average_rotations((0, 1, 2), pairs)
     assert max(errors(np.concatenate([oriented.rotations, [AVERAGED_CAMERAS[3] @ AVERAGED_CAMERAS[0].T]]))) < 0.01

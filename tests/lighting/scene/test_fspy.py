@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lighting.fusion.drawn_camera import read_fspy
+from lighting.fusion.fspy import read_fspy
 from lighting.geometry import camera_pixel
 from lighting.scene.writer import write_scene
 from tests.helpers.engines import PYTHON, needs_blender

@@ -16,14 +16,8 @@ from lighting.errors import EnvironmentMapError, ParameterError, PhotoError
 from lighting.files.exr import write_exr
 from lighting.fusion.user_input import UserInput
 from lighting.photo.linear import read_linear
-from lighting.stereo.capture import (
-    _check_static_camera,
-    _light_varies,
-    _moved_names,
-    _read_day_photo,
-    read_day_photos,
-    read_nearest_skies,
-)
+from lighting.stereo.camera_motion import check_static_camera, moved_names
+from lighting.stereo.capture import _light_varies, _read_day_photo, read_day_photos, read_nearest_skies
 from lighting.stereo.light_vectors import CLEAR_TURBIDITY, Skies, _overcast_skies, clear_skies, sun_directions
 from lighting.stereo.output import _write_picture, _write_png16
 from lighting.stereo.pose import Pose
@@ -336,17 +330,17 @@ def shaded_blocks() -> NDArray[np.float32]:
 
 def test_other_light_from_the_same_place_passes() -> None:
     ramp = np.linspace(0.3, 1.0, 128, dtype=np.float32)
-    _check_static_camera(np.stack([shaded_blocks() * ramp, shaded_blocks() * ramp[::-1]]), NAMES)
+    check_static_camera(np.stack([shaded_blocks() * ramp, shaded_blocks() * ramp[::-1]]), NAMES)
 
 
 @pytest.mark.parametrize("shift", [(0, 4), (3, 0), (-4, 5)])
 def test_a_camera_that_moved_is_named(shift: tuple[int, int]) -> None:
     with pytest.raises(PhotoError, match="b is shifted by"):
-        _check_static_camera(np.stack([shaded_blocks(), np.roll(shaded_blocks(), shift, axis=(0, 1))]), NAMES)
+        check_static_camera(np.stack([shaded_blocks(), np.roll(shaded_blocks(), shift, axis=(0, 1))]), NAMES)
 
 
 def test_pictures_without_edges_say_nothing() -> None:
-    _check_static_camera(np.ones((2, 64, 64), np.float32), NAMES)
+    check_static_camera(np.ones((2, 64, 64), np.float32), NAMES)
 
 
 def clear(times: np.ndarray = JUNE) -> Skies:
@@ -380,7 +374,7 @@ def test_a_camera_that_moved_by_a_pixel_is_seen(down: int, right: int, seen: boo
     light = photos(normals, mask, clear_skies(june_suns()[[0, 3, 6]]), Pose())[..., 0]
     images = light + 0.3 * gray_blocks(side=160) * ~mask
     images[2] = np.roll(images[2], (down, right), axis=(0, 1))
-    assert _moved_names(images.astype(np.float32), ("a", "b", "c")) == (["c"] if seen else [])
+    assert moved_names(images.astype(np.float32), ("a", "b", "c")) == (["c"] if seen else [])
 
 
 def test_a_stated_offset_wins_over_the_files_and_says_so(tmp_path: Path) -> None:

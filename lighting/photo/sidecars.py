@@ -1,0 +1,202 @@
+"""XMP properties of the files that lie beside a photo; all is hostile input.
+
+They are the XMP of raw developers, and JSON of Google Takeout and of ExifTool [1]. They count where the photo's own
+metadata say nothing.
+
+References:
+    [1] ExifTool's documentation, options -json, -n, -G and -g.
+"""
+
+import json
+import math
+import os
+import re
+import unicodedata
+from collections.abc import Callable, Iterator, Mapping
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from lighting.photo.tags import EXIF_NAMESPACE, MAX_XMP_BYTES, read_number, read_xmp
+
+TAKEOUT_TIME = "https://takeout.google.com photoTakenTime"  # property of a time in UTC, as Google guessed it
+MAX_SIDECAR_BYTES = MAX_XMP_BYTES  # of a file that is read; larger ones count as absent
+_CAPTURE = (  # how the names of properties of the exposure begin
+    *(f"{EXIF_NAMESPACE} {name}" for name in ("DateTime", "OffsetTime", "GPS", "FocalLength")),
+    "http://cipa.jp/exif/1.0 OffsetTime",
+    "http://ns.adobe.com/photoshop/1.0 DateCreated",
+    "http://ns.adobe.com/xap/1.0 CreateDate",
+)
+_TAKEOUT_SUFFIX = "supplemental-metadata"  # of which long names leave less
+_MAX_TAKEOUT_STEM = 46  # characters of a JSON file's name without its suffix
+_COPY_NUMBERS = ("(", ")")  # around the number of a photo whose name is there already
+_EDITED = re.compile(  # how Google calls the copy that a user changed, which shares its original's JSON
+    "-(?:edited|bearbeitet|bewerkt|editado|editada|edytowane|modifié|modificato|redigerad|redigert|redigeret|muokattu"
+    "|upraveno|изменено|düzenlendi|編集済み|已修改|已編輯|수정됨)(?=(?:[(][0-9]+[)])?$)"
+)
+_EXIFTOOL_NAMES = {  # of properties, by the names that ExifTool has for them; the first that is there counts
+    "DateTimeOriginal": ("SubSecDateTimeOriginal", "DateTimeOriginal"),
+    "DateTimeDigitized": ("SubSecCreateDate", "CreateDate", "DateTimeDigitized"),
+    "OffsetTimeOriginal": ("OffsetTimeOriginal", "TimeZoneOffset"),
+    "GPSTimeStamp": ("GPSDateTime", "GPSTimeStamp"),
+    "FocalLengthIn35mmFilm": ("FocalLengthIn35mmFormat", "FocalLengthIn35mmFilm"),
+    **{name: (name,) for name in ("OffsetTimeDigitized", "OffsetTime", "FocalLength", "GPSDateStamp")},
+    **{f"GPS{name}{end}": (f"GPS{name}{end}",) for name in ("Latitude", "Longitude") for end in ("", "Ref")},
+    **{name: (name,) for name in ("GPSImgDirection", "GPSImgDirectionRef")},
+}
+
+
+def read_sidecar(path: str | os.PathLike[str], read: Callable[[Path], bytes | None] | None = None) -> dict[str, str]:
+    """The XMP properties, by namespace and name, of the files that lie beside a photo. Never raises.
+
+    Args:
+        path: of the photo.
+        read: returns what a file holds, of which MAX_SIDECAR_BYTES count; None where there is none. None: of this
+            machine's files.
+    """
+    photo = Path(path)
+    properties: dict[str, str] = {}
+
+    def contents(files: Iterator[Path]) -> Iterator[bytes]:
+        found = map(read or _read_start, files)
+        return (data for data in found if data and len(data) <= MAX_SIDECAR_BYTES)
+
+    for data in contents(_xmp_files(photo)):
+        properties = {**_of_capture(read_xmp(data)), **properties}
+    for record in map(_parse_json, contents(_json_files(photo))):
+        properties = {**_takeout_properties(record), **_exiftool_properties(record, photo.name), **properties}
+    return properties
+
+
+def _of_capture(properties: Mapping[str, str]) -> dict[str, str]:
+    """The properties of how a photo was taken, without those of how it is to be developed and cropped."""
+    return {name: value for name, value in properties.items() if name.startswith(_CAPTURE)}
+
+
+def _xmp_files(photo: Path) -> Iterator[Path]:
+    """Where raw developers write XMP: in place of the photo's suffix, or behind it."""
+    other_case = photo.stem + photo.suffix.swapcase()  # of a copy from a machine that tells no case
+    for name in (f"{photo.name}.xmp", f"{photo.stem}.xmp", f"{other_case}.xmp"):
+        yield photo.with_name(name)
+        yield photo.with_name(name.removesuffix("xmp") + "XMP")
+
+
+def _json_files(photo: Path) -> Iterator[Path]:
+    """Where ExifTool and Google Takeout write JSON.
+
+    Takeout's is cut for long names and counts copies behind the suffix.
+    """
+    stem, suffix = _original(photo.stem), photo.suffix
+    names = [(stem, "")]
+    opening, closing = _COPY_NUMBERS
+    if stem.endswith(closing) and opening in stem:
+        before, _, digits = stem.removesuffix(closing).rpartition(opening)
+        if digits.isdigit():
+            names.insert(0, (before, f"{opening}{digits}{closing}"))
+    for name, number in names:
+        for length in range(len(_TAKEOUT_SUFFIX), -1, -1):
+            whole = f"{name}{suffix}.{_TAKEOUT_SUFFIX[:length]}".rstrip(".")
+            yield photo.with_name(f"{whole}{number}.json")
+        yield photo.with_name(f"{f'{name}{suffix}'[:_MAX_TAKEOUT_STEM]}{number}.json")
+    yield photo.with_name(f"{_original(photo.stem)}.json")
+
+
+def _original(stem: str) -> str:
+    """A name without Google's word for a copy that was changed."""
+    composed = unicodedata.normalize("NFC", stem)  # macOS writes letters and accents apart
+    original = _EDITED.sub("", composed)
+    return stem if original == composed else original
+
+
+def _read_start(file: Path) -> bytes | None:
+    """The start of a file; None for one that is absent or not to be read."""
+    try:
+        with file.open("rb") as stream:
+            return stream.read(MAX_SIDECAR_BYTES + 1)
+    except (OSError, ValueError):  # ValueError: a NUL in the name
+        return None
+
+
+def _parse_json(data: bytes) -> Any:
+    """What JSON holds; None where it is none."""
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _takeout_properties(record: Any) -> dict[str, str]:
+    """The time and the place in Google Takeout's JSON, as XMP has them; empty for any other."""
+    if not isinstance(record, dict) or "photoTakenTime" not in record:
+        return {}
+    places = (_takeout_place(record.get(name)) for name in ("geoData", "geoDataExif"))
+    place = next((found for found in places if found), {})
+    return {**place, **_takeout_time(record["photoTakenTime"])}
+
+
+def _takeout_time(value: Any) -> dict[str, str]:
+    try:
+        time = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=float(value["timestamp"]))
+    except (ArithmeticError, LookupError, TypeError, ValueError):
+        return {}
+    return {TAKEOUT_TIME: f"{time:%Y-%m-%dT%H:%M:%SZ}"}
+
+
+def _takeout_place(value: Any) -> dict[str, str]:
+    """Latitude and longitude in XMP's degrees and minutes; 0, 0 is Google's word for an unknown place."""
+    if not isinstance(value, Mapping):
+        return {}
+    try:
+        latitude, longitude = read_number(value["latitude"]), read_number(value["longitude"])
+    except (LookupError, TypeError, ValueError):
+        return {}
+    if latitude == longitude == 0.0 or abs(latitude) > 90.0 or abs(longitude) > 180.0:
+        return {}
+    return {
+        f"{EXIF_NAMESPACE} GPSLatitude": _degrees_and_minutes(latitude, "NS"),
+        f"{EXIF_NAMESPACE} GPSLongitude": _degrees_and_minutes(longitude, "EW"),
+    }
+
+
+def _degrees_and_minutes(angle: float, signs: str) -> str:
+    minutes, degrees = math.modf(abs(angle))
+    return f"{degrees:.0f},{60.0 * minutes:.6f}{signs[angle < 0]}"
+
+
+def _exiftool_properties(record: Any, photo: str) -> dict[str, str]:
+    """Time, place and lens in ExifTool's JSON of a photo, as XMP has them; empty for any other.
+
+    Args:
+        record: of JSON.
+        photo: name of the photo's file, which the JSON of several tells apart.
+    """
+    entries = [entry for entry in (record if isinstance(record, list) else [record]) if isinstance(entry, dict)]
+    if len(entries) > 1:
+        entries = [entry for entry in entries if Path(str(entry.get("SourceFile"))).name == photo]
+    values = dict[str, str | int | float]()
+    for name, value in sorted(_ungrouped(entries[0] if entries else {}), key=_is_not_composite):
+        if isinstance(value, str | int | float) and not isinstance(value, bool):
+            values.setdefault(name.rpartition(":")[2], value)
+    for name, letters in (("GPSLatitude", "NS"), ("GPSLongitude", "EW")):
+        if isinstance(angle := values.get(name), int | float):
+            values.setdefault(f"{name}Ref", letters[angle < 0])
+    texts = {name: f"{v:.10f}" if isinstance(v, float) else str(v).removesuffix(" mm") for name, v in values.items()}
+    return {
+        f"{EXIF_NAMESPACE} {name}": next(texts[key] for key in keys if key in texts)
+        for name, keys in _EXIFTOOL_NAMES.items()
+        if any(key in texts for key in keys)
+    }
+
+
+def _ungrouped(entry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Names, with their groups, and values of an entry, and of the groups of tags that it may have."""
+    for name, value in entry.items():
+        if isinstance(value, dict):
+            yield from ((f"{name}:{inner}", inside) for inner, inside in value.items())
+        else:
+            yield name, value
+
+
+def _is_not_composite(item: tuple[str, Any]) -> bool:
+    """Whether a name is not of the group whose coordinates have signs."""
+    return not item[0].startswith("Composite:")
