@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 import click
 
 import lighting.cli.console as console
+import lighting.cli.inputs as inputs
+import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.options import usage_errors
+from lighting.cli.option_types import usage_errors
 from lighting.cli.photos import estimate_file
 from lighting.files import escape_undecodable, output_folder_error
 from lighting.map_options import MapOptions
@@ -48,14 +50,14 @@ def _read_step(_ctx: click.Context, _param: click.Parameter, text: str) -> float
     lighting day photo.jpg --date 2026-03-20 --time 2024-06-01T18:30+02:00 --lat 48.14 --lon 11.58 -o march/
     """,
 )
-@click.argument("photo", metavar="PHOTO", type=common.FileName())
+@click.argument("photo", metavar="PHOTO", type=option_types.FileName())
 @common.folder_output("PHOTO-DATE")
 @click.option("--date", "day", required=True, metavar="YYYY-MM-DD", callback=_read_date, help="The day, there.")
 @click.option(
     "--every", default="1h", show_default=True, metavar="TIME", callback=_read_step, help="Between maps: 1h, 30min."
 )
 @common.map_options("height", "sky", "around")
-@common.user_input_options
+@inputs.user_input_options
 @common.model_option
 @common.json_option
 @common.silent_option

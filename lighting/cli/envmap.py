@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import click
 
 import lighting.cli.console as console
+import lighting.cli.inputs as inputs
+import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.options import PhotoOptions, usage_errors
+from lighting.cli.inputs import PhotoOptions
+from lighting.cli.option_types import usage_errors
 from lighting.cli.photos import estimate_file, process_photos
 from lighting.files import FileOptions
 from lighting.map_options import DEFAULT_MAP, Around, MapOptions
@@ -33,8 +36,8 @@ if TYPE_CHECKING:
 )
 @common.file_output(outputs.MAPS, several=True)
 @common.file_options("compression", "colors")
-@common.photo_options()
-@click.option("--preview", metavar="FILE.png", callback=common.check_file_name, help="Also draw the preview.")
+@inputs.photo_options()
+@click.option("--preview", metavar="FILE.png", callback=option_types.check_file_name, help="Also draw the preview.")
 @click.pass_context
 def _envmap(ctx: click.Context, /, chosen: PhotoOptions, file: FileOptions, preview: str | None) -> None:
     """Render the environment map of each PHOTO."""
@@ -77,7 +80,7 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str) -> 
 )
 @common.file_output(outputs.PREVIEWS, several=True)
 @click.option("--candidates", is_flag=True, help="Draw the suns that --pick chooses from, side by side.")
-@common.photo_options("sun", "sky", "around", "backdrop", "adjustments")
+@inputs.photo_options("sun", "sky", "around", "backdrop", "adjustments")
 @click.pass_context
 def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> None:
     """Draw each PHOTO, its light and three spheres lit by it."""
@@ -108,18 +111,18 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> N
     lighting render light.json -o sky.exr               # the sky alone
     """,
 )
-@click.argument("record", metavar="LIGHTING.json", type=common.FileName())
+@click.argument("record", metavar="LIGHTING.json", type=option_types.FileName())
 @common.file_output(outputs.MAPS)
 @click.option(
     "--photo",
     metavar="PHOTO",
-    type=common.FileName(),
-    callback=common.check_file_name,
+    type=option_types.FileName(),
+    callback=option_types.check_file_name,
     help="The record's photo: the map then shows the place. Without it, sky and ground.",
 )
 @common.map_options()
 @common.file_options("compression", "colors")
-@common.user_input_options
+@inputs.user_input_options
 @common.model_option
 @common.json_option
 @common.silent_option
@@ -191,18 +194,18 @@ def _formats() -> list[str]:
     lighting light-probe light.json --for threejs
     """,
 )
-@click.argument("source", metavar="PHOTO|LIGHTING.json", type=common.FileName())
+@click.argument("source", metavar="PHOTO|LIGHTING.json", type=option_types.FileName())
 @click.option(
     "--for",
     "format",
     default="record",
     show_default=True,
-    type=common.RegistryChoice(_formats),
+    type=option_types.RegistryChoice(_formats),
     help="The engine that takes it.",
 )
 @common.record_output("Write it to FILE.json.  [default: stdout]")
 @common.map_options("sun", "around")
-@common.user_input_options
+@inputs.user_input_options
 @common.model_option
 @click.option("--json", is_flag=True, expose_value=False, help="JSON, which is all that it prints.")
 @common.silent_option

@@ -9,7 +9,7 @@ import click
 
 import lighting.cli.console as console
 import lighting.cli.outputs as outputs
-from lighting.cli.options import PhotoOptions
+from lighting.cli.inputs import PhotoOptions
 from lighting.errors import LightingError
 from lighting.start import StartedNetwork, exit_on_interrupt
 

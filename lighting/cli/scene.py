@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import lighting.cli.console as console
+import lighting.cli.inputs as inputs
+import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import Command, cli
 from lighting.cli import options as common
-from lighting.cli.options import PhotoOptions
+from lighting.cli.inputs import PhotoOptions
 from lighting.cli.photos import process_photos
 from lighting.scene import EXPORTERS, unsupported_options
 
@@ -62,7 +64,11 @@ def _tool_option(tool: str, name: str, option: "_ExporterOption") -> click.Optio
     """,
 )
 @click.option(
-    "--for", "tool", required=True, type=common.RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."
+    "--for",
+    "tool",
+    required=True,
+    type=option_types.RegistryChoice(lambda: EXPORTERS),
+    help="The tool that opens the scene.",
 )
 @common.folder_output(
     "PHOTO-TOOL",
@@ -72,11 +78,11 @@ def _tool_option(tool: str, name: str, option: "_ExporterOption") -> click.Optio
     "--lighting",
     "record",
     metavar="LIGHTING.json",
-    type=common.FileName(),
-    callback=common.check_file_name,
+    type=option_types.FileName(),
+    callback=option_types.check_file_name,
     help="Take the light from this record. PHOTO gives the background and the ground.",
 )
-@common.photo_options("height", "sun", "sky", "around", "backdrop", "adjustments")
+@inputs.photo_options("height", "sun", "sky", "around", "backdrop", "adjustments")
 @click.pass_context
 def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str | None, **of_tool: Any) -> None:
     """Write a photo and its light as a scene for another tool.

@@ -411,9 +411,8 @@ def posterior_on_rings(prediction: Prediction, observations: Observations, weigh
         radii = credible_radii(p.ravel(), directions, direction(alone.azimuth, alone.elevation))
         sun = SunEstimate(alone.azimuth, alone.elevation, *radii)
         heading = replace(heading, best=heading_from_probability(chosen.sum(axis=0) / chosen.sum()).best)
-    camera = _with_lens(prediction, observations)
-    posterior = Posterior(camera, sun, directions, p.ravel(), used, camera_heading=heading)
-    return replace(posterior, candidate=best, candidate_probability=share)
+    fused = Posterior(_with_lens(prediction, observations), sun, directions, p.ravel(), used, camera_heading=heading)
+    return replace(fused, candidate=best, candidate_probability=share)
 
 
 def _likeliest_candidate(candidates: Floats, probability: Floats) -> tuple[tuple[float, float], float]:

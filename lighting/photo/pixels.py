@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+import lighting.photo.containers as containers
 from lighting.errors import PhotoError
 from lighting.photo.color_encoding import ColorEncoding
 from lighting.photo.containers import decoder_calls
@@ -140,3 +141,16 @@ def gray_16_bit(image: Image.Image, tags: Mapping[int, Any] | None = None) -> ND
     if tags.get(_BITS) == (12,):
         values = values << 4 | values >> 8
     return 65535 - values if tags.get(_PHOTOMETRIC) == _WHITE_IS_ZERO else values
+
+
+def decode_image(image: Image.Image, target: int) -> None:
+    """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than the target.
+
+    Args:
+        image: changed in place.
+        target: pixels, over 0.
+    """
+    scale = min(1.0, target / max(image.size))
+    with containers.decoder_calls():
+        image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
+        image.load()

@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
-from math import ceil
 from numbers import Integral
 from pathlib import Path
 from typing import BinaryIO
@@ -31,7 +30,7 @@ from lighting.geometry import zoomed_fov
 from lighting.photo.borders import Layout, find_layout
 from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.metadata import PhotoMetadata, read_metadata
-from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, upright_pixels
+from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
 from lighting.photo.sidecars import read_sidecar
 from lighting.photo.tags import read_tags
 from lighting.warning_codes import CodedWarning, WarningCode
@@ -228,7 +227,7 @@ def read_photo(
             exif_source = tiff.open_exif_source(data, image) if embedded else image
         width, height = image.size
         side = target or max(image.size)
-        _decode_image(image, side)
+        decode_image(image, side)
         beside = source if isinstance(source, str | os.PathLike) else path
         with _WARNING_FILTERS, warnings.catch_warnings(action="ignore"):
             own = tags = read_tags(image)
@@ -292,14 +291,8 @@ def _without_border(photo: Photo) -> Photo:
     x, y, x_end, y_end = layout.photo.pixels(photo.pixels.shape[1], photo.pixels.shape[0])
     pixels = np.ascontiguousarray(photo.pixels[y:y_end, x:x_end])
     crop = PhotoCrop(left, top, width, height, photo.width, photo.height)
-    return replace(
-        photo,
-        pixels=pixels,
-        width=width,
-        height=height,
-        crop=crop,
-        warnings=tuple(describe_layout(layout, width, height)),
-    )
+    told = tuple(describe_layout(layout, width, height))
+    return replace(photo, pixels=pixels, width=width, height=height, crop=crop, warnings=told)
 
 
 def describe_layout(layout: Layout, width: int, height: int, subject: str = "photo") -> Iterator[CodedWarning]:
@@ -453,16 +446,3 @@ def _check_size(width: int, height: int, limit: int, kind: str) -> None:
     if max(width, height) > MAX_ASPECT * min(width, height):
         sentence = f"The photo is {width} x {height} pixels; one side may be at most {MAX_ASPECT} times the other."
         raise PhotoError(sentence)
-
-
-def _decode_image(image: Image.Image, target: int) -> None:
-    """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than the target.
-
-    Args:
-        image: changed in place.
-        target: pixels, over 0.
-    """
-    scale = min(1.0, target / max(image.size))
-    with containers.decoder_calls():
-        image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
-        image.load()

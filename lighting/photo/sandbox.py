@@ -5,9 +5,8 @@ whoever asks: each reads one photo at a time, and there are as many as photos we
 
 Requests and answers are lines of JSON on stdin and stdout, each followed by the bytes of a photo or of its pixels.
 Whoever takes over a decoder by a photo can answer nothing but a wrong photo: an answer is checked, and nothing in it is
-run. The
-process ends with its stdin; where nobody waits any more, it does so at most a second after its photo took too long. It
-logs nothing: what decoders print about a photo is nobody's business.
+run. The process ends with its stdin; where nobody waits any more, it does so at most a second after its photo took too
+long. It logs nothing: what decoders print about a photo is nobody's business.
 """
 
 import atexit
@@ -18,15 +17,16 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from datetime import datetime
 from enum import Enum
 from functools import cache
 from importlib import import_module
+from io import BufferedReader, BufferedWriter
 from pathlib import Path
 from threading import Event, Timer
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, BinaryIO, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -68,6 +68,7 @@ _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more t
     "MALLOC_TRIM_THRESHOLD_": str(1 << 25),
 }
 _Record = TypeVar("_Record")
+_hints = cache(get_type_hints)  # of a record, once
 
 _READY = b"ready\n"
 _MAX_HEADER = 1 << 16  # bytes of an answer before its pixels
@@ -214,7 +215,7 @@ class _DecoderProcess:
         if self._ready:
             return
         with _alarm(_START_SECONDS, self._running):
-            self._ready = _open_pipe(self._running.stdout).readline(_MAX_HEADER) == _READY
+            self._ready = _pipes(self._running)[1].readline(_MAX_HEADER) == _READY
         if not self._ready:
             raise PhotoError("The process that decodes photos does not start.")
         self._own_memory = runtime.address_space_used(self.pid)
@@ -226,9 +227,9 @@ class _DecoderProcess:
             return
         process.kill()
         process.wait()
-        for stream in (process.stdin, process.stdout):
+        for stream in _pipes(process):
             with suppress(OSError):  # what was written and never read
-                _open_pipe(stream).close()
+                stream.close()
 
     @property
     def _running(self) -> "Popen[bytes]":
@@ -270,7 +271,7 @@ def _borrow_decoder() -> Iterator[_DecoderProcess]:
 
 
 def _request_photo(process: "Popen[bytes]", request: _DecodeRequest, data: bytes) -> Photo | Exception:
-    requests, answers = _open_pipe(process.stdin), _open_pipe(process.stdout)
+    requests, answers = _pipes(process)
     requests.write(_json_line(asdict(request)))
     requests.write(data)
     requests.flush()
@@ -279,24 +280,19 @@ def _request_photo(process: "Popen[bytes]", request: _DecodeRequest, data: bytes
         raise EOFError
     header = json.loads(line)
     if "error" in header:
-        return _make_error(_parse_record(_Failure, header))
+        failure = _parse_record(_Failure, header)
+        if kind := _ERRORS.get(failure.error):
+            return kind(failure.text, failure.field, failure.code)
+        return RuntimeError(f"Decoding the photo failed: {failure.error}: {failure.text}")
     answer = _parse_record(_Decoded, header)
     if not (answer.rows > 0 < answer.columns and answer.rows * answer.columns <= MAX_KEPT_PIXELS):
         raise ValueError("no picture has this size")
     pixels = np.empty((answer.rows, answer.columns, 3), dtype=np.uint8)
     if answers.readinto(pixels.data.cast("B")) < pixels.nbytes:
         raise EOFError
-    warnings = tuple(CodedWarning(warning.text, warning.code) for warning in answer.warnings)
+    warnings = tuple(CodedWarning(*warning) for warning in answer.warnings)
     size = answer.width, answer.height
     return Photo(pixels, *size, answer.format, answer.metadata, answer.crop, answer.is_collage, warnings)
-
-
-@dataclass(frozen=True)
-class _Warning:
-    """A sentence about a photo, and what it is about."""
-
-    text: str
-    code: WarningCode
 
 
 @dataclass(frozen=True)
@@ -311,7 +307,7 @@ class _Decoded:
     metadata: PhotoMetadata
     crop: PhotoCrop | None
     is_collage: bool
-    warnings: tuple[_Warning, ...]
+    warnings: tuple[tuple[str, WarningCode], ...]
 
 
 @dataclass(frozen=True)
@@ -322,12 +318,6 @@ class _Failure:
     text: str
     field: str | None
     code: ErrorCode | None
-
-
-def _make_error(failure: _Failure) -> Exception:
-    if kind := _ERRORS.get(failure.error):
-        return kind(failure.text, failure.field, failure.code)
-    return RuntimeError(f"Decoding the photo failed: {failure.error}: {failure.text}")
 
 
 def _json_line(record: Json) -> bytes:
@@ -342,7 +332,7 @@ def _plain(value: object) -> object:
 # Records of what another process says, which may be anybody's.
 
 
-def _parse_record(kind: type[_Record], value: Any) -> _Record:
+def _parse_record(kind: type[_Record], value: object) -> _Record:
     """A frozen dataclass of what JSON holds: numbers, texts, moments, enums, tuples, other records, and None.
 
     `value` is a dict of its fields. Raises ValueError where one is missing or unknown, TypeError or ValueError where a
@@ -354,20 +344,19 @@ def _parse_record(kind: type[_Record], value: Any) -> _Record:
     return kind(**{name: _parse(hint, value[name]) for name, hint in hints.items()})
 
 
-@cache
-def _hints(kind: type) -> dict[str, Any]:
-    hints = get_type_hints(kind)
-    return {field.name: hints[field.name] for field in fields(kind)}
-
-
-def _parse(hint: Any, value: Any) -> Any:
+def _parse(hint: object, value: object) -> object:
+    parts = get_args(hint)
     if get_origin(hint) in (Union, UnionType):
-        return _parse_optional(get_args(hint), value)
+        (some,) = (part for part in parts if part is not NoneType)
+        return None if value is None and NoneType in parts else _parse(some, value)
     if get_origin(hint) is tuple:
-        return _parse_tuple(get_args(hint), value)
+        if not isinstance(value, list):
+            raise TypeError("not a list")
+        parts = parts[:1] * len(value) if parts[1:] == (...,) else parts
+        return tuple(_parse(part, one) for part, one in zip(parts, value, strict=True))
     if is_dataclass(hint) and isinstance(hint, type):
         return _parse_record(hint, value)
-    if hint is float and type(value) in (int, float) and math.isfinite(value):
+    if hint is float and isinstance(value, int | float) and type(value) is not bool and math.isfinite(value):
         return float(value)
     if hint is datetime and isinstance(value, str):
         return datetime.fromisoformat(value)
@@ -376,21 +365,6 @@ def _parse(hint: Any, value: Any) -> Any:
     if hint in (int, str, bool) and type(value) is hint:
         return value
     raise TypeError(f"not of the type {hint}")
-
-
-def _parse_optional(hints: tuple[Any, ...], value: Any) -> Any:
-    if value is None and NoneType in hints:
-        return None
-    (hint,) = (hint for hint in hints if hint is not NoneType)
-    return _parse(hint, value)
-
-
-def _parse_tuple(hints: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
-    if not isinstance(value, list):
-        raise TypeError("not a list")
-    if hints[1:] == (...,):
-        hints = hints[:1] * len(value)
-    return tuple(_parse(hint, part) for hint, part in zip(hints, value, strict=True))
 
 
 @contextmanager
@@ -417,16 +391,17 @@ def _start_process() -> "Popen[bytes]":
     if sys.platform == "linux":
         import fcntl
 
-        for stream in (process.stdin, process.stdout):
+        for stream in _pipes(process):
             with suppress(OSError):  # where a user's pipes may hold less
-                fcntl.fcntl(_open_pipe(stream), fcntl.F_SETPIPE_SZ, _PIPE)
+                fcntl.fcntl(stream, fcntl.F_SETPIPE_SZ, _PIPE)
     return process
 
 
-def _open_pipe(stream: Any) -> Any:
-    """A pipe of a process, which Popen may leave out."""
-    assert stream is not None
-    return stream
+def _pipes(process: "Popen[bytes]") -> tuple[BufferedWriter, BufferedReader]:
+    """Where requests go, and where answers come from."""
+    assert isinstance(process.stdin, BufferedWriter)
+    assert isinstance(process.stdout, BufferedReader)
+    return process.stdin, process.stdout
 
 
 def _serve_decoder() -> None:
@@ -446,21 +421,15 @@ def _serve_decoder() -> None:
 
 def _answer_request(request: _DecodeRequest, data: bytes, answers: BinaryIO) -> None:
     try:
-        photo = read_photo(
-            data,
-            max_bytes=request.max_bytes,
-            max_pixels=request.max_pixels,
-            target=request.target,
-            sidecar=dict(request.sidecar),
-        )
+        sidecar, limits = dict(request.sidecar), (request.max_bytes, request.max_pixels)
+        photo = read_photo(data, max_bytes=limits[0], max_pixels=limits[1], target=request.target, sidecar=sidecar)
     except Exception as error:
         field, code = getattr(error, "field", None), getattr(error, "code", None)
         answers.write(_json_line(asdict(_Failure(type(error).__name__, str(error), field, code))))
         return
-    rows, columns, _ = photo.pixels.shape
-    warnings = tuple(_Warning(str(warning), warning_code(warning)) for warning in photo.warnings)
-    size, layout = (rows, columns, photo.width, photo.height), (photo.crop, photo.is_collage, warnings)
-    decoded = _Decoded(*size, photo.format, photo.metadata, *layout)
+    warnings = tuple((str(warning), warning_code(warning)) for warning in photo.warnings)
+    picture = photo.pixels.shape[0], photo.pixels.shape[1], photo.width, photo.height, photo.format
+    decoded = _Decoded(*picture, photo.metadata, photo.crop, photo.is_collage, warnings)
     answers.write(_json_line(asdict(decoded)))
     answers.write(photo.pixels.data)
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import Field, asdict, fields
 from datetime import datetime, timedelta, timezone
-from io import BytesIO
+from io import BufferedReader, BufferedWriter, BytesIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -228,7 +228,7 @@ def test_the_same_seed_changes_alike() -> None:
 
 def answer_of(reply: bytes) -> Photo | Exception:
     """What is made of those bytes of a decoder."""
-    process: Any = SimpleNamespace(stdin=BytesIO(), stdout=BytesIO(reply))
+    process: Any = SimpleNamespace(stdin=BufferedWriter(BytesIO()), stdout=BufferedReader(BytesIO(reply)))
     return sandbox._request_photo(process, request(GOOD), GOOD)
 
 
