@@ -19,7 +19,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.fusion.pooling import (
     AZIMUTH_CORRELATION,
     ELEVATION_KERNEL_STD,
-    MIN_DENSITY,
+    MIN_POOLED_DENSITY,
     SUN_CORRELATION,
     blur_grid_heading,
     blur_ring_heading,
@@ -215,7 +215,7 @@ def _up_warnings(prediction: Prediction, view: "RegisteredView") -> tuple[str, .
 
 def _share_sky(predictions: Sequence[Prediction]) -> list[Prediction]:
     """The predictions with their common turbidity, exposure and irradiances, geometric means, and their mean cover."""
-    logs = np.log([[max(p.turbidity, MIN_DENSITY), max(p.exposure, MIN_DENSITY)] for p in predictions])
+    logs = np.log([[max(p.turbidity, MIN_POOLED_DENSITY), max(p.exposure, MIN_POOLED_DENSITY)] for p in predictions])
     turbidity, exposure = map(float, np.exp(logs.mean(axis=0)))
     light = _mean_light([p.light for p in predictions])
     common = [replace(p, turbidity=turbidity, exposure=exposure) for p in predictions]
@@ -285,7 +285,7 @@ def _pool_on_grid(predictions: Sequence[Prediction], frames: _Frames) -> list[Fl
     pooled = []
     for target in frames.heading:
         density = [rotate_density(p, target - h, layout) for p, h in zip(blurred, frames.heading, strict=True)]
-        log_density = np.log(np.maximum(density, MIN_DENSITY))
+        log_density = np.log(np.maximum(density, MIN_POOLED_DENSITY))
         pooled.append(pool_log_likelihoods(log_density, weight, SUN_CORRELATION, grid_solid_angle(layout)))
     return pooled
 
@@ -297,7 +297,7 @@ def _share_elevation(predictions: Sequence[Prediction], probability: Sequence[Fl
     cells = angles(grid_directions(predictions[0].spec.sun_grid))[1]
     firsts = [int(group[0]) for group in frames.members()]
     fused = {i: replace(predictions[i], sun_probability=probability[i]) for i in firsts}
-    of_group = {frames.group[i]: np.maximum(elevation_density(p, cells), MIN_DENSITY) for i, p in fused.items()}
+    of_group = {frames.group[i]: np.maximum(elevation_density(p, cells), MIN_POOLED_DENSITY) for i, p in fused.items()}
     exponent = pooling_exponent(len(of_group), _ELEVATION_CORRELATION)
     common = np.exp(exponent * np.sum(np.log(list(of_group.values())), axis=0))
     shared = [p * common / of_group[number] for p, number in zip(probability, frames.group, strict=True)]
@@ -358,7 +358,7 @@ def _sun_similarity(observations: Sequence[Observations]) -> Floats:
 def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floats, weight: Floats) -> list[Floats]:
     """Weights (K, 360) of each photo when one heading gives all; compass errors are shared, so priors are averaged."""
     compasses = max(1, sum(p.min() < p.max() for p in prior))
-    logs = [np.log(np.maximum(density, MIN_DENSITY)) for density in likelihood]
+    logs = [np.log(np.maximum(density, MIN_POOLED_DENSITY)) for density in likelihood]
     log_likelihood = [_shift_headings(log, h) for log, h in zip(logs, headings, strict=True)]
     log_priors = [_shift_headings(np.log(p) / compasses, h) for p, h in zip(prior, headings, strict=True)]
     log_prior = np.sum(log_priors, axis=0)
@@ -369,7 +369,7 @@ def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floa
 
 def _share_zone(weights: Sequence[Floats], frames: _Frames) -> list[Floats]:
     """Weights (K, 360) of each photo when the groups have no more than the candidates in common."""
-    mass = [np.maximum(w.sum(axis=1, keepdims=True), MIN_DENSITY) for w in weights]
+    mass = [np.maximum(w.sum(axis=1, keepdims=True), MIN_POOLED_DENSITY) for w in weights]
     firsts = [int(group[0]) for group in frames.members()]
     exponent = pooling_exponent(len(firsts), _ELEVATION_CORRELATION)
     zone = np.exp(exponent * np.sum(np.log([mass[i] for i in firsts]), axis=0))

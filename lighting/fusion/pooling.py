@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     Views = Sequence[RegisteredView]
 
 ELEVATION_KERNEL_STD = 4.0  # deg, kernel of an elevation's density: the size of a cell
-MIN_DENSITY = 1e-12  # 1/sr, that stands for none where logarithms are taken
+MIN_POOLED_DENSITY = 1e-12  # 1/sr, that stands for none where logarithms are taken
 _MAX_OVERLAP_FOVS = 1.25  # vertical fields of view between two optical axes from which views share nothing
 _BLUR_STEPS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # standard deviations, over which an uncertain heading is averaged
 _MIN_BLUR_STD = 1.5  # deg, of a heading; smaller errors vanish beside the 4 deg between cells

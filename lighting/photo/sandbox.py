@@ -15,7 +15,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from datetime import datetime
@@ -56,9 +56,7 @@ if TYPE_CHECKING:
     from subprocess import Popen
 
 MAX_DECODE_SECONDS = 10.0  # for a photo: five times the slowest that `benchmarks.decoding` reads, on a busy CPU
-
 _WORKER_CODE = "from lighting.photo.sandbox import _serve_decoder; _serve_decoder()"
-
 _START_SECONDS = 300.0  # on a machine that is busy with other work
 _PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
 _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more than decoding into it
@@ -68,7 +66,7 @@ _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more t
     "MALLOC_TRIM_THRESHOLD_": str(1 << 25),
 }
 _Record = TypeVar("_Record")
-_hints = cache(get_type_hints)  # of a record, once
+_hints: Callable[[type], dict[str, object]] = cache(get_type_hints)  # of a record, once
 
 _READY = b"ready\n"
 _MAX_HEADER = 1 << 16  # bytes of an answer before its pixels
@@ -190,9 +188,9 @@ class _DecoderProcess:
         except BaseException:  # whatever it is, the process may be in the middle of an answer
             self.end()
             raise
-        if isinstance(answer, Photo):
-            return answer
-        raise answer
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
 
     @property
     def pid(self) -> int:
