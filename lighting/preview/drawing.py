@@ -36,6 +36,7 @@ _SUPERSAMPLING = 3
 _SHADE_OPACITY = 0.45  # of the dark background of marks and outlined text
 _LABEL_REACH = 52  # pixels within which the horizon may cross the words beside an arrow
 _CORNER = math.radians(10.0)
+_DISPLAY_ROWS = 16  # worked on at once, few enough for the processor's cache
 _SHOULDER = 0.6  # linear value above which the display curve bends instead of clipping
 
 
@@ -54,28 +55,43 @@ def display_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     Args:
         linear: (H, W, 3) linear Rec.709, 1 is white.
     """
-    over = np.maximum(linear - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
-    return srgb_bytes(np.minimum(linear, _SHOULDER) + np.float32(1 - _SHOULDER) * (1 - np.exp(-over)))
+    shown = np.empty(linear.shape, np.uint8)
+    for start in range(0, len(linear), _DISPLAY_ROWS):
+        rows = slice(start, start + _DISPLAY_ROWS)
+        over = np.maximum(linear[rows] - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
+        bent = np.minimum(linear[rows], _SHOULDER) + np.float32(1 - _SHOULDER) * (1 - np.exp(-over))
+        shown[rows] = srgb_bytes(bent)
+    return shown
+
+
+_ToMask = Callable[[ArrayLike], list[Point]]  # where points (N, 2) of a picture lie in a mask
 
 
 def _paint_mask(
-    picture: Image.Image, color: Srgb, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]
+    picture: Image.Image,
+    color: Srgb,
+    opacity: float,
+    points: ArrayLike,
+    reach: float,
+    paint: Callable[[ImageDraw.ImageDraw, _ToMask], None],
 ) -> None:
-    """Color `picture` through a mask; `paint(draw, scale)` draws the mask in white, enlarged by `scale`."""
-    mask = Image.new("L", (picture.width * _SUPERSAMPLING, picture.height * _SUPERSAMPLING))
-    paint(ImageDraw.Draw(mask), _SUPERSAMPLING)
-    if (painted := mask.getbbox()) is None:
+    """Color `picture` through a mask of what lies within a reach [pixels] of points (N, 2); `paint` draws in white."""
+    scale, x, y = _SUPERSAMPLING, *np.asarray(points, dtype=np.float64).reshape(-1, 2).T
+    if not x.size:
         return
-    scale = _SUPERSAMPLING
-    left, top, right, bottom = (
-        painted[0] // scale,
-        painted[1] // scale,
-        -(-painted[2] // scale),
-        -(-painted[3] // scale),
-    )
-    small = mask.reduce(scale, (scale * left, scale * top, scale * right, scale * bottom))
-    box = (left, top, right, bottom)
-    picture.paste(color, box, small if opacity == 1 else small.point([round(value * opacity) for value in range(256)]))
+    left, top = max(0, math.floor(x.min() - reach)), max(0, math.floor(y.min() - reach))
+    right, bottom = min(picture.width, math.ceil(x.max() + reach)), min(picture.height, math.ceil(y.max() + reach))
+    if left >= right or top >= bottom:
+        return
+    mask = Image.new("L", ((right - left) * scale, (bottom - top) * scale))
+
+    def to_mask(line: ArrayLike) -> list[Point]:
+        return [(float(x) * scale - left * scale, float(y) * scale - top * scale) for x, y in np.asarray(line)]
+
+    paint(ImageDraw.Draw(mask), to_mask)
+    small = mask.reduce(scale)
+    small = small if opacity == 1 else small.point([round(value * opacity) for value in range(256)])
+    picture.paste(color, (left, top), small)
 
 
 def _find_corners(line: Floats) -> list[int]:
@@ -97,13 +113,16 @@ def draw_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width
         opacity: 0 to 1.
     """
 
-    def paint(draw: ImageDraw.ImageDraw, scale: int) -> None:
-        for line in filter(len, lines):
-            draw.line(_scaled(line, scale), fill=255, width=round(width * scale))
-            for corner in _find_corners(line):  # Pillow's joints cost more than lines, and show at corners alone
-                draw.line(_scaled(line[corner - 1 : corner + 2], scale), 255, round(width * scale), joint="curve")
+    thickness, drawn = round(width * _SUPERSAMPLING), [line for line in lines if len(line)]
 
-    _paint_mask(picture, color, opacity, paint)
+    def paint(draw: ImageDraw.ImageDraw, to_mask: _ToMask) -> None:
+        for line in drawn:
+            draw.line(to_mask(line), fill=255, width=thickness)
+            for corner in _find_corners(line):  # Pillow's joints cost more than lines, and show at corners alone
+                draw.line(to_mask(line[corner - 1 : corner + 2]), 255, thickness, joint="curve")
+
+    if drawn:
+        _paint_mask(picture, color, opacity, np.concatenate(drawn), width + 2, paint)
 
 
 def draw_outlined_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width: float) -> None:
@@ -128,7 +147,7 @@ def draw_polygon(picture: Image.Image, corners: ArrayLike, color: Srgb, opacity:
         color: 8-bit sRGB.
         opacity: 0 to 1.
     """
-    _paint_mask(picture, color, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
+    _paint_mask(picture, color, opacity, corners, 2, lambda draw, to_mask: draw.polygon(to_mask(corners), fill=255))
 
 
 def draw_suns(picture: Image.Image, spots: ArrayLike, color: Srgb, size: float) -> None:
@@ -143,17 +162,19 @@ def draw_suns(picture: Image.Image, spots: ArrayLike, color: Srgb, size: float) 
     angle = np.arange(8) * np.pi / 4
     rays = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None] * np.array([[1.6], [2.3]]) * size
 
-    def paint(grow: float) -> Callable[[ImageDraw.ImageDraw, int], None]:
-        def suns(draw: ImageDraw.ImageDraw, scale: int) -> None:
+    def paint(grow: float) -> Callable[[ImageDraw.ImageDraw, _ToMask], None]:
+        thickness = round((size / 3 + 2 * grow) * _SUPERSAMPLING)
+
+        def suns(draw: ImageDraw.ImageDraw, to_mask: _ToMask) -> None:
             for spot in np.asarray(spots):
                 for ray in rays:
-                    draw.line(_scaled(spot + ray, scale), fill=255, width=round((size / 3 + 2 * grow) * scale))
-                draw.circle(_scaled([spot], scale)[0], (size + grow) * scale, fill=255)
+                    draw.line(to_mask(spot + ray), fill=255, width=thickness)
+                draw.circle(to_mask([spot])[0], (size + grow) * _SUPERSAMPLING, fill=255)
 
         return suns
 
-    _paint_mask(picture, BLACK, _SHADE_OPACITY, paint(2.0))
-    _paint_mask(picture, color, 1.0, paint(0.0))
+    _paint_mask(picture, BLACK, _SHADE_OPACITY, spots, 4 * size, paint(2.0))
+    _paint_mask(picture, color, 1.0, spots, 4 * size, paint(0.0))
 
 
 def draw_arrow_head(picture: Image.Image, tip: Floats, heading: Floats, color: Srgb) -> None:
@@ -179,10 +200,16 @@ def rounded_mask(size: tuple[int, int], radius: int) -> Image.Image:
         size: width and height in pixels.
         radius: of the corners, in pixels.
     """
-    mask = Image.new("L", (size[0] * _SUPERSAMPLING, size[1] * _SUPERSAMPLING))
-    corner = (mask.width - 1, mask.height - 1)
-    ImageDraw.Draw(mask).rounded_rectangle((0, 0, *corner), radius * _SUPERSAMPLING, fill=255)
-    return mask.reduce(_SUPERSAMPLING)
+    scale = _SUPERSAMPLING
+    part = (min(size[0], 2 * radius + 2), min(size[1], 2 * radius + 2))  # with nothing but the corners
+    corners = Image.new("L", (part[0] * scale, part[1] * scale))
+    last = (corners.width - 1, corners.height - 1)
+    ImageDraw.Draw(corners).rounded_rectangle((0, 0, *last), radius * scale, fill=255)
+    small, mask = corners.reduce(scale), Image.new("L", size, 255)
+    for x, left in ((0, 0), (size[0] - radius, part[0] - radius)):
+        for y, top in ((0, 0), (size[1] - radius, part[1] - radius)):
+            mask.paste(small.crop((left, top, left + radius, top + radius)), (x, y))
+    return mask
 
 
 @dataclass(frozen=True)
@@ -210,9 +237,13 @@ def draw_text(picture: Image.Image, spot: Point, text: str, style: TextStyle) ->
     """
     font, anchor = _font(style.size), style.anchor
     if style.shaded:
-        rim = Image.new("L", picture.size)
-        ImageDraw.Draw(rim).text(spot, text, font=font, fill=255, anchor=anchor, stroke_width=2)
-        picture.paste(BLACK, mask=rim.point([round(value * 0.6) for value in range(256)]))
+        box = font.getbbox(text, anchor=anchor, stroke_width=2)
+        left, top = max(0, math.floor(spot[0] + box[0]) - 2), max(0, math.floor(spot[1] + box[1]) - 2)
+        right, bottom = (math.ceil(start + end) + 2 for start, end in zip(spot, box[2:], strict=True))
+        rim = Image.new("L", (max(0, min(right, picture.width) - left), max(0, min(bottom, picture.height) - top)))
+        inside = (spot[0] - left, spot[1] - top)
+        ImageDraw.Draw(rim).text(inside, text, font=font, fill=255, anchor=anchor, stroke_width=2)
+        picture.paste(BLACK, (left, top), rim.point([round(value * 0.6) for value in range(256)]))
     ImageDraw.Draw(picture).text(spot, text, font=font, fill=style.color, anchor=anchor)
 
 
@@ -240,10 +271,6 @@ def draw_text_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int
     x, y = np.asarray(spot, dtype=np.float64)
     inside = (min(max(x, 8 - left), picture.width - 8 - right), min(max(y, 8 - top), picture.height - 8 - bottom))
     draw_text(picture, inside, text, TextStyle(size, color, anchor="mm", shaded=True))
-
-
-def _scaled(points: ArrayLike, scale: int) -> list[Point]:
-    return [(float(x) * scale, float(y) * scale) for x, y in np.asarray(points)]
 
 
 @lru_cache(maxsize=16)
