@@ -328,19 +328,20 @@ def _trace(
 
     The sun's disc has that radius [deg], or is left out.
     """
-    radiance = np.empty_like(rays)
-    down = rays[:, 1] < _LEVEL
-    radiance[~down] = _sky_radiance(rays[~down], scene, disc_radius)
-    radiance[down] = _ground_along(np.broadcast_to(origin, rays.shape)[down], rays[down], scene)
-    nearest = np.full(len(rays), np.inf, dtype=rays.dtype)
+    radiance, starts = np.empty_like(rays), np.broadcast_to(origin, rays.shape)
+    nearest, first = np.full(len(rays), np.inf, dtype=rays.dtype), np.full(len(rays), len(scene.centers))
     for kind, center in enumerate(scene.centers):
-        if kind == leaving:
-            continue
-        distance = ray_sphere(origin, rays, center)
-        hit = np.flatnonzero(distance < nearest)
-        nearest[hit] = distance[hit]
-        start = np.broadcast_to(origin, rays.shape)[hit]
-        point = start + rays[hit] * distance[hit, None]
+        if kind != leaving:
+            distance = ray_sphere(origin, rays, center)
+            first[distance < nearest] = kind
+            np.minimum(nearest, distance, out=nearest)
+    free, down = first == len(scene.centers), rays[:, 1] < _LEVEL
+    up, ground = np.flatnonzero(free & ~down), np.flatnonzero(free & down)
+    radiance[up] = _sky_radiance(rays[up], scene, disc_radius)
+    radiance[ground] = _ground_along(starts[ground], rays[ground], scene)
+    for kind in range(len(scene.centers)):
+        hit = np.flatnonzero(first == kind)
+        point = starts[hit] + rays[hit] * nearest[hit, None]
         radiance[hit] = _shade_sphere(kind, point, rays[hit], scene, mirrored=leaving is not None)
     return radiance
 
@@ -372,10 +373,9 @@ def _ground_radiance(points: Floats, scene: SphereScene) -> Floats:
     radiance = (scene.ground.astype(points.dtype) - sky) * _visible_sun_share(points, scene)[:, None] + sky
     for center, exchange in zip(scene.centers, scene.exchange, strict=False):  # without an exchange before a bounce
         to_center = center - points
-        share = (
-            dot_product(to_center, to_center)[:, None] ** -1.5
-        )  # of a cosine-weighted hemisphere; the center is 1 up
-        radiance += albedo * share * sample_latlong(exchange, to_center).astype(points.dtype)
+        distance2 = dot_product(to_center, to_center)
+        share = 1 / (distance2 * np.sqrt(distance2))  # of a cosine-weighted hemisphere; the center is 1 up
+        radiance += albedo * share[:, None] * sample_latlong(exchange, to_center).astype(points.dtype)
     return np.maximum(radiance, 0)
 
 
