@@ -54,7 +54,7 @@ _NORMAL_ROWS = 12  # of `SphereScene.diffuse_irradiance`, by the normal
 _INCOMING_ROWS = 16  # of the directions from which light comes to the diffuse sphere
 _BOUNCES = 2  # of light between spheres and ground
 _BOUNCES_DIMMED = 1  # where that light is nearly right already
-_EVEN = 0.005  # difference of square roots of linear values, 1 of 255 levels, up to which one ray a pixel will do
+_EVEN = 0.01  # of square roots of linear values, 2 of 255 levels off the neighbours, up to which one ray will do
 _EPSILON = 1e-9  # stands for no light
 
 _FINE = 2  # rays per pixel and side on the balls and in their shadows
@@ -150,18 +150,27 @@ def _trace_rays(rays: NDArray[np.float32], scene: SphereScene) -> NDArray[np.flo
 
 
 def _is_uneven(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which pixels (H, W) of a picture (H, W, 3) lie within two of one that differs from the next by more than _EVEN.
+    """Which pixels (H, W) of a picture (H, W, 3) lie within two of one that is off its neighbours' mean by over _EVEN.
 
-    Edges that fall between the rays show beside them; what is smaller than a pixel lies on such edges.
+    Where it changes evenly, a pixel's middle has its mean. Edges that fall between the rays show beside them; what is
+    smaller than a pixel lies on such edges.
     """
     shown = np.sqrt(np.clip(picture, 0.0, 1.0))
     uneven = np.zeros(shown.shape[:2], dtype=bool)
-    across, down = (np.abs(np.diff(shown, axis=axis)).max(axis=2) > _EVEN for axis in (1, 0))
-    uneven[:, 1:] |= across
-    uneven[1:] |= down
+    uneven[1:-1] |= _is_bent(shown[:-2], shown[1:-1], shown[2:])
+    uneven[:, 1:-1] |= _is_bent(shown[:, :-2], shown[:, 1:-1], shown[:, 2:])
     near = np.pad(uneven, 2)
     rows = np.logical_or.reduce([near[start : len(near) - 4 + start] for start in range(5)])
     return np.asarray(np.logical_or.reduce([rows[:, start : rows.shape[1] - 4 + start] for start in range(5)]))
+
+
+def _is_bent(before: Floats, middle: Floats, after: Floats) -> NDArray[np.bool_]:
+    """Where (...) any channel of values (..., 3) is off the mean of its two neighbours by more than _EVEN."""
+    off = before + after
+    off *= 0.5
+    off -= middle
+    red, green, blue = np.moveaxis(np.abs(off, out=off) > _EVEN, -1, 0)
+    return np.asarray(red | green | blue)
 
 
 def limit_pitch(lighting: Lighting) -> float:
