@@ -90,8 +90,14 @@ def _paint_mask(
 
     paint(ImageDraw.Draw(mask), to_mask)
     small = mask.reduce(scale)
-    small = small if opacity == 1 else small.point([round(value * opacity) for value in range(256)])
+    small = small if opacity == 1 else small.point(_fade(opacity))
     picture.paste(color, (left, top), small)
+
+
+@lru_cache(maxsize=16)
+def _fade(opacity: float) -> list[int]:
+    """What is left of each of the 256 values of a mask."""
+    return [round(value * opacity) for value in range(256)]
 
 
 def _find_corners(line: Floats) -> list[int]:
@@ -243,7 +249,7 @@ def draw_text(picture: Image.Image, spot: Point, text: str, style: TextStyle) ->
         rim = Image.new("L", (max(0, min(right, picture.width) - left), max(0, min(bottom, picture.height) - top)))
         inside = (spot[0] - left, spot[1] - top)
         ImageDraw.Draw(rim).text(inside, text, font=font, fill=255, anchor=anchor, stroke_width=2)
-        picture.paste(BLACK, (left, top), rim.point([round(value * 0.6) for value in range(256)]))
+        picture.paste(BLACK, (left, top), rim.point(_fade(0.6)))
     ImageDraw.Draw(picture).text(spot, text, font=font, fill=style.color, anchor=anchor)
 
 

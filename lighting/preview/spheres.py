@@ -14,6 +14,7 @@ Where the picture shows lit ground and shade, the balls' shadows become as dark 
 What stands before the ground, as people and plants do, keeps its light.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -493,8 +494,8 @@ def insert_balls(
     camera = photo_camera(lighting, picture.width, picture.height)
     centers, radius = _ball_centers(camera, np.array(lighting.spot_direction), lighting.camera_height)
     moved = replace(scene, centers=centers.astype(np.float32))
-    linear = SRGB_LINEAR[np.asarray(picture)]
-    shade = read_ground_shade(np.asarray(picture), lighting, sun=photo_sun, segments=segments)
+    pixels = np.array(picture)
+    shade = read_ground_shade(pixels, lighting, sun=photo_sun, segments=segments)
     lit, own = shade.lit, shade.shaded_light
     in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
     standing = _dim_sun(moved, 0.0) if in_shade else moved
@@ -502,9 +503,37 @@ def insert_balls(
     exchanging = replace(moved, exchange=standing.exchange)
     exchanging = exchanging if own is None else _shade_as(exchanging, own)
     lit = np.zeros_like(lit) if in_shade else lit  # as the ground at their feet
-    left = _remaining_light(lit, camera, exchanging, points, near, casts_shadow=not in_shade)
-    left = _on_ground(left, segments, _enlarge(_contact_share(points, near, moved)[..., None], camera))
-    return Image.fromarray(srgb_bytes(_composite_balls(linear * left, camera, standing, centers)))
+    windows = _ball_windows(camera, centers)
+    rows = _changed_rows(near, [window[0] for window in windows.values()], camera.height)
+    linear = SRGB_LINEAR.take(pixels[rows])
+    left = _remaining_light(lit, camera, exchanging, points, near, rows, casts_shadow=not in_shade)
+    linear *= _on_ground(left, segments, _contact_share(points, near, moved), camera, rows)
+    for kind, window in windows.items():
+        part = linear[window[0].start - rows.start : window[0].stop - rows.start, window[1]]
+        _draw_ball(part, kind, _window_rays(camera, *window), standing, centers[kind])
+    pixels[rows] = srgb_bytes(linear)
+    return Image.fromarray(pixels)
+
+
+def _ball_windows(camera: Pinhole, centers: Floats) -> dict[int, tuple[slice, slice]]:
+    """The rows and columns of the picture that each ball, at centers (3, 3) of 64 bits, may cover."""
+    windows = {}
+    for kind, center in enumerate(centers):
+        depth = float(center @ camera.axes[2])
+        if depth > 0:  # not behind a camera that looks straight down through a very wide lens
+            x, y = geometry.camera_pixel(center, camera)
+            reach = 1.2 * camera.focal_length / depth
+            window = geometry.clip_slice(y, reach, camera.height), geometry.clip_slice(x, reach, camera.width)
+            if all(part.start < part.stop for part in window):
+                windows[kind] = window
+    return windows
+
+
+def _changed_rows(near: NDArray[np.bool_], balls: Sequence[slice], height: int) -> slice:
+    """The rows of the picture, of some height, in which anything changes: balls, and ground in cells `near` (H, W)."""
+    ground = geometry.pixel_window(near, height, near.shape[1])
+    parts = [*balls, *([] if ground is None else [ground[0]])]
+    return slice(min((part.start for part in parts), default=0), max((part.stop for part in parts), default=0))
 
 
 def _shade_as(scene: SphereScene, share: float) -> SphereScene:
@@ -521,11 +550,19 @@ def _shade_as(scene: SphereScene, share: float) -> SphereScene:
 
 
 def _on_ground(
-    left: NDArray[np.float32], segments: Segments | None, contact: NDArray[np.float32]
+    left: NDArray[np.float32],
+    segments: Segments | None,
+    contact: NDArray[np.float32],
+    camera: Pinhole,
+    rows: slice,
 ) -> NDArray[np.float32]:
-    """The share (h, w, 3) of light that balls leave; 1 on what stands before the ground, but at `contact` (h, w, 1)."""
-    free = shadow_receivers(np.ones(left.shape[:2], dtype=np.float32), segments)
-    return 1 + np.maximum(free[..., None], contact) * (left - 1)
+    """The share (R, w, 3) of light that balls leave; 1 on what stands before the ground, but at `contact` (H, W)."""
+    free = shadow_receivers(np.ones((camera.height, camera.width), dtype=np.float32), segments)[rows]
+    strength = np.maximum(free, _enlarge(contact[..., None], camera, rows)[..., 0])
+    left -= 1
+    left *= strength[..., None].repeat(3, axis=2)
+    left += 1
+    return left
 
 
 def _contact_share(points: Floats, near: NDArray[np.bool_], scene: SphereScene) -> NDArray[np.float32]:
@@ -554,21 +591,28 @@ def _remaining_light(
     scene: SphereScene,
     points: Floats,
     near: NDArray[np.bool_],
+    rows: slice,
     *,
     casts_shadow: bool,
 ) -> NDArray[np.float32]:
-    """The share (h, w, 3) of each pixel's light that the balls leave or add; 1 above the ground.
+    """The share (R, w, 3) of the light in some rows of pixels that the balls leave or add; 1 above the ground.
 
     `lit` (H, W) says how far the picture's ground lies in sunlight; `points`, `near` are its `_coarse_ground_points`.
     """
-    sun = _enlarge(lit[..., None], camera) * (scene.ground - scene.ground_sky).astype(np.float32)
+    sun = _enlarge(lit[..., None], camera, rows).repeat(3, axis=2)
+    sun *= np.tile((scene.ground - scene.ground_sky).astype(np.float32), (camera.width, 1))
     open_ground = scene.ground_sky.astype(np.float32) + np.float32(1e-6)
     added = np.zeros((*near.shape, 3), dtype=np.float32)  # by the balls and all but the sun, less than 0 under them
     added[near] = _ground_radiance(points, replace(scene, ground=scene.ground_sky)) - scene.ground_sky
     dark = _shadow_cells(points, near, scene) if casts_shadow else np.zeros_like(near)
     shadow = _shadow_factors(camera, scene, dark)
-    left = open_ground + _enlarge(added, camera) + shadow[..., None] * sun
-    return np.asarray(left / (open_ground + sun))
+    open_row = np.tile(open_ground, (camera.width, 1))  # numpy takes ten times as long with an innermost axis of 3
+    left = _enlarge(added, camera, rows)
+    left += open_row
+    left += shadow[rows, :, None].repeat(3, axis=2) * sun
+    sun += open_row
+    left /= sun
+    return left
 
 
 def _coarse_ground_points(camera: Pinhole, scene: SphereScene) -> tuple[Floats, NDArray[np.bool_]]:
@@ -604,28 +648,14 @@ def _ground_points(rays: Floats, scene: SphereScene) -> tuple[Floats, NDArray[np
     return points[near].astype(np.float32), near
 
 
-def _enlarge(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
-    """Values (H, W, C) at the picture's size (h, w, C), linear between them."""
-    channels, size = (Image.fromarray(small[..., c]) for c in range(small.shape[2])), (camera.width, camera.height)
-    planes = [channel.resize(size, Image.Resampling.BILINEAR) for channel in channels]
-    return np.stack([np.asarray(plane) for plane in planes], axis=-1)
-
-
-def _composite_balls(
-    linear: NDArray[np.float32], camera: Pinhole, scene: SphereScene, centers: Floats
-) -> NDArray[np.float32]:
-    """The picture (h, w, 3) with each ball, at centers (3, 3) of 64 bits, drawn into its own window."""
-    result = linear.copy()
-    for kind, center in enumerate(centers):
-        depth = float(center @ camera.axes[2])
-        if depth <= 0:  # behind a camera that looks straight down through a very wide lens
-            continue
-        x, y = geometry.camera_pixel(center, camera)
-        reach = 1.2 * camera.focal_length / depth
-        rows, columns = geometry.clip_slice(y, reach, camera.height), geometry.clip_slice(x, reach, camera.width)
-        window = result[rows, columns]
-        if window.size:
-            _draw_ball(window, kind, _window_rays(camera, rows, columns), scene, center)
+def _enlarge(small: NDArray[np.float32], camera: Pinhole, rows: slice) -> NDArray[np.float32]:
+    """Values (H, W, C) in some rows of the picture (R, w, C), linear between them."""
+    height, width, channels = small.shape
+    box = (0, rows.start * height / camera.height, width, rows.stop * height / camera.height)
+    result = np.empty((rows.stop - rows.start, camera.width, channels), np.float32)
+    for channel in range(channels if len(result) else 0):
+        plane = Image.fromarray(small[..., channel])
+        result[..., channel] = plane.resize(result.shape[1::-1], Image.Resampling.BILINEAR, box)
     return result
 
 
