@@ -22,6 +22,7 @@ Floats = NDArray[np.floating[Any]]
 
 SUN_RADIUS = 0.2679  # deg, angular radius of the disc: half of 0.5358, as the Hosek-Wilkie sun has it
 MIN_STEEP_ELEVATION = 85.0  # deg of elevation, up or down, from which a camera has no roll
+_SAMPLED_AT_ONCE = 1 << 14  # directions, few enough for the processor's cache
 EYE_HEIGHT = 1.6  # m, of a camera in the hand over level ground; no photo tells its scale
 OBJECT_POSITION = 0.6  # how far below the picture's middle things are put on the ground, 0 = middle, 1 = lower edge
 
@@ -237,26 +238,42 @@ def sample_latlong(image: NDArray[Any], direction: ArrayLike) -> Floats:
         image: (H, 2H, C).
         direction: (..., 3), of any length.
     """
-    height, width = image.shape[:2]
     vectors = np.asarray(direction)
-    x, y, z = np.moveaxis(vectors if vectors.dtype == np.float32 else vectors.astype(np.float64), -1, 0)
+    rays = vectors.reshape(-1, 3) if vectors.dtype == np.float32 else vectors.reshape(-1, 3).astype(np.float64)
+    bordered, width, channels = _with_border(image), image.shape[1], image.shape[2]
+    kind = image.dtype if np.issubdtype(image.dtype, np.floating) else np.float32
+    result = np.empty((len(rays), channels), kind)
+    for start in range(0, len(rays), _SAMPLED_AT_ONCE):
+        part = slice(start, start + _SAMPLED_AT_ONCE)
+        first, right_share, lower_share = _place_in_border(rays[part], image.shape[0])
+        right_share, lower_share = (
+            np.repeat(share, channels).reshape(-1, channels) for share in (right_share, lower_share)
+        )
+        upper, lower = (_mix_columns(bordered, first + step, right_share) for step in (0, width + 2))
+        lower -= upper
+        lower *= lower_share
+        np.add(lower, upper, out=result[part])
+    return result.reshape(*vectors.shape[:-1], channels)
+
+
+def _place_in_border(rays: Floats, height: int) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.float32]]:
+    """Where directions (N, 3) lie in a lat-long image of some rows with its border.
+
+    The index (N,) of the pixel on the upper left, and the shares (N,) of those on the right and below.
+    """
+    width = 2 * height
+    x, y, z = np.moveaxis(rays, -1, 0)
     column, row = np.arctan2(x, -z), np.arctan2(y, np.sqrt(x * x + z * z))
     column *= width / (2 * np.pi)
-    column += width / 2 + 0.5  # of `bordered`, whose pixels begin a pixel later
+    column += width / 2 + 0.5  # of the border, whose pixels begin a pixel later
     row *= -height / np.pi
     row += height / 2 + 0.5
     left, top = np.floor(column), np.floor(row)
-    right_share = (column - left).astype(np.float32)[..., None]
-    lower_share = (row - top).astype(np.float32)[..., None]
-    bordered = _with_border(image)
+    right_share, lower_share = (column - left).astype(np.float32), (row - top).astype(np.float32)
     first = top.astype(np.intp)
     first *= width + 2
     first += left.astype(np.intp)
-    upper, lower = (_mix_columns(bordered, first + step, right_share) for step in (0, width + 2))
-    lower -= upper
-    lower *= lower_share
-    lower += upper
-    return np.asarray(lower)
+    return first, right_share, lower_share
 
 
 def _with_border(image: NDArray[Any]) -> NDArray[Any]:
@@ -271,7 +288,7 @@ def _with_border(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def _mix_columns(pixels: NDArray[Any], first: NDArray[np.intp], share: NDArray[np.float32]) -> Floats:
-    """Values (..., C) between the pixels at indices (...) and those after them, which have shares (..., 1)."""
+    """Values (N, C) between the pixels at indices (N,) and those after them, which have shares (N, C)."""
     left, right = pixels.take(first, axis=0), pixels.take(first + 1, axis=0)
     if not np.issubdtype(left.dtype, np.floating):
         left, right = left.astype(np.float32), right.astype(np.float32)
