@@ -17,6 +17,7 @@ _SLOW = (
     *("Level1_RuleBasedTransformer", "Level2_RuleBasedTransformer"),
     *("FuseFp16InitializerToFp32NodeTransformer", "TransposeOptimizer_CPUExecutionProvider"),
 )
+OMITTED_CHANGES = (*_REORDERING, *_SLOW)  # of a graph, in a session for one run
 
 
 def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
@@ -48,7 +49,7 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> An
     for part in (file, weights_path(file)):
         verify_checksum(part)
     try:
-        disabled = {*_REORDERING, *(_SLOW if for_one_run else ())}
+        disabled = set(OMITTED_CHANGES if for_one_run else _REORDERING)
         providers = ["CPUExecutionProvider"]
         return onnxruntime.InferenceSession(str(file), options, providers=providers, disabled_optimizers=disabled)
     except Exception as error:  # onnxruntime's errors share no public base class

@@ -41,7 +41,7 @@ from export.networks.weights import (
 from lighting.errors import ModelError
 from lighting.geometry import angles
 from lighting.model import OUTPUTS, Model
-from lighting.onnx_session import weights_path
+from lighting.onnx_session import OMITTED_CHANGES, import_onnxruntime, weights_path
 from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions
 
@@ -54,6 +54,7 @@ _SEVEN_BITS = 63  # largest of their values
 _BLOCKED_AXES = 4  # of the weights of a convolution over rows and columns
 _MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
 _OPSET = 20
+_ERRORS_ONLY = 3  # onnxruntime's scale of log severities
 _TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
 ROUNDED_TOLERANCE = 3e-2  # the same once weights are stored small: that shifts the camera, and a sun in view with it
 _WHOLE_TOLERANCE = 0.25  # the same where products are of whole numbers: of noise, a doubtful sun moves
@@ -236,6 +237,34 @@ def _save_graph(model: Any, path: Path) -> None:
     onnx.checker.check_model(str(path))
     for file in (path, weights):
         file.chmod(0o644)
+
+
+def fuse_nodes(path: Path) -> None:
+    """Fuse the nodes of a saved graph as onnxruntime would each time it opens it; the answers stay to the last bit.
+
+    Blocks of channels depend on the processor, and widened constants take more room, so these are left to it.
+
+    Args:
+        path: the ONNX file; its weights lie in `weights_path(path)`.
+    """
+    with TemporaryDirectory(dir=path.parent) as folder:
+        fused = Path(folder, path.name)
+        onnxruntime = import_onnxruntime()
+        options = onnxruntime.SessionOptions()
+        options.log_severity_level = _ERRORS_ONLY
+        options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_EXTENDED
+        options.optimized_model_filepath = str(fused)
+        settings = {"file_name": weights_path(fused).name, "min_size_in_bytes": str(_MIN_EXTERNAL)}
+        for name, value in settings.items():
+            options.add_session_config_entry(f"session.optimized_model_external_initializers_{name}", value)
+        omitted = {*OMITTED_CHANGES, "ConstantFolding"}
+        onnxruntime.InferenceSession(
+            str(path), options, providers=["CPUExecutionProvider"], disabled_optimizers=omitted
+        )
+        model = onnx.load(str(fused))
+    domains = {node.domain for node in model.graph.node}
+    _replace(model.opset_import, [entry for entry in model.opset_import if entry.domain in domains])
+    _save_graph(model, path)
 
 
 def quantize_products(model: Any) -> bool:
@@ -521,6 +550,7 @@ def write_onnx(
         model, difference = _store_as_small_as_agrees(model, ensemble, path, tolerance)
         add_metadata(model, {"parity": f"{difference:.2e}"})
         _save_graph(model, path)
+        fuse_nodes(path)
         weights_path(path).replace(weights_path(target))
         path.replace(target)
     return difference

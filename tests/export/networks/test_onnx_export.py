@@ -25,6 +25,7 @@ from export.networks.onnx_export import (
     _merge_equal_nodes,
     _parity,
     _save_graph,
+    fuse_nodes,
     quantize_products,
     store_small,
     write_onnx,
@@ -163,6 +164,25 @@ def test_large_pointwise_convolutions_run_along_one_axis_and_answer_alike_in_eve
     answers = [session.run(None, {"x": x})[0] for session in sessions]
     np.testing.assert_array_equal(answers[1], answers[0])
     np.testing.assert_array_equal(answers[2], answers[0])
+
+
+def test_fused_nodes_give_the_same_bits_by_the_same_weights(tmp_path: Path) -> None:
+    values = {"low": np.array(0.0), "high": np.array(6.0), "weights": RNG.normal(size=(64, 64, 3, 3))}
+    nodes = [
+        helper.make_node("Conv", ["x", "weights"], ["a"], kernel_shape=[3, 3], pads=[1, 1, 1, 1]),
+        helper.make_node("Clip", ["a", "low", "high"], ["out"]),
+    ]
+    tensors = [numpy_helper.from_array(value.astype(np.float32), name) for name, value in values.items()]
+    network = _model(nodes, tensors, ["B", 64, 7, 7])
+    store_small(network)
+    file, x = tmp_path / "n.onnx", RNG.normal(size=(2, 64, 7, 7)).astype(np.float32)
+    _save_graph(network, file)
+    before, weights = (create_session(file, 1).run(None, {"x": x})[0], weights_path(file).read_bytes())
+    fuse_nodes(file)
+    assert [node.op_type for node in onnx.load(file).graph.node] == ["Cast", "FusedConv"]
+    assert weights_path(file).read_bytes() == weights
+    for one in (False, True):
+        np.testing.assert_array_equal(create_session(file, 1, for_one_run=one).run(None, {"x": x})[0], before)
 
 
 def test_an_exported_network_gives_the_same_bits_in_every_session(trained_network: Path) -> None:
