@@ -466,6 +466,7 @@ class TestTools:
         assert keyed[2:] == tilted[2:]
         assert keyed[1] > tilted[1]
         assert seen["focused"] == "Horizon: left end"
+        assert seen["gripsOfPlace"] == 0
 
     def test_each_drag_of_the_horizon_is_one_step(self, seen: Seen) -> None:
         assert seen["horizonUndone"] == [1, 2]  # the size alone, and with the horizon

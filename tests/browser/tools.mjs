@@ -52,6 +52,8 @@ export async function visit(browser, url, seen, { street }) {
   ];
   await dragHorizon(page, seen);
   await drawEdges(page, seen);
+  await page.locator("#tools label", { hasText: "place" }).click();
+  seen.gripsOfPlace = await page.locator("#grips > *").count();
   await dragOnMap(page, seen);
   await page.context().close();
 }

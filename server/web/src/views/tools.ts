@@ -60,8 +60,10 @@ export class Tools {
 
   /** Another photo, or another answer about it. Tools that draw are for one photo whose pixels this browser knows. */
   show(view: PhotoView, alone: boolean): void {
+    const isOther = view.photo !== this.view?.photo;
     this.view = view;
     this.asked = undefined;
+    if (isOther) this.explain();
     const draws = alone && view.photo.area !== undefined;
     for (const tool of Object.keys(KINDS)) findRadio(byId("tools"), tool).disabled = !draws;
     if (!draws && this.tool in KINDS) this.choose("place");
@@ -282,7 +284,10 @@ export class Tools {
   /** Draws the marks of the tool, what is being drawn, and the grips of all ends. */
   private draw(): void {
     const { width, height } = this.size;
-    if (width < 1) return;
+    if (width < 1) {
+      this.grips.replaceChildren();
+      return;
+    }
     this.pad.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const marks = this.marks.map(({ points }) => points.map((point) => this.toPad(point)));
     const drawn = this.drag && "points" in this.drag ? this.drag.points : [];
