@@ -13,7 +13,14 @@ from lighting.cli import Group
 from lighting.errors import LightingError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-FITS = ("ground", "photo-radii", "sky-color", "sun-color", "sun-power")  # of export.evaluation.fit_constants
+FITS = (
+    "ground",
+    "photo-radii",
+    "shadow-marks",
+    "sky-color",
+    "sun-color",
+    "sun-power",
+)  # of export.evaluation.fit_constants
 
 
 def _option(name: str, meaning: str, kind: Any = PATH, default: Any = None, **more: Any) -> Decorator:
@@ -299,7 +306,8 @@ def _fit(name: str, data: Path, labels: Path, model: Path | None, seen: Path | N
     For ground: how far the network tells the ground's brightness better than the photo does. For sky-color: how far
     the color of the sky in a photo may be trusted for the whole sky. For sun-color: how far the sun's color goes to
     that of a clear sky's sun. For sun-power: by how much the network understates a sun that shines. For photo-radii:
-    how much wider the sun's distribution is in photos.
+    how much wider the sun's distribution is in photos. For shadow-marks: what other errors of the shadows that a person
+    doubts, and of lit sides, would be worth.
     """
     from export.evaluation import fit_constants
     from lighting.model import Model

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from export.data.panoramas import read_table
+from export.evaluation.fit_marks import PHOTO_MARKS, PHOTO_TABLES, SUN_COLUMNS, shadow_text
 from export.evaluation.metrics import markdown_table
 from lighting.errors import ParameterError
 from lighting.estimator import Estimator
@@ -20,9 +21,6 @@ from lighting.geometry import Floats, angle_between, angles, direction, wrap_azi
 from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
 
-_MARKS = Path(__file__).parents[1] / "data" / "photo_marks.csv"
-_PHOTO_TABLES = {"val": "photos.csv", "train": "photos_train.csv"}  # by split
-_SUN_COLUMNS = ("sun_azimuth", "sun_elevation")
 _HEADINGS = (
     *("marks", "n", "azimuth: median", "90 %", "whole: median", "90 %"),
     *("network: azimuth: median", "90 %", "whole: median", "90 %", "50 and 90 % regions hold", "over the network"),
@@ -67,7 +65,7 @@ def report_shadows(model: Model, data: Path) -> str:
 def _report_one_shadow(estimator: Estimator, data: Path) -> str:
     """One shadow at a time: as it is, and as a line of which nobody knows the foot."""
     answers = []
-    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", *_SUN_COLUMNS)):
+    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", *SUN_COLUMNS)):
         if not row["sun_azimuth"]:
             continue
         marked, shadow = _ask(estimator, data, row), shadow_text(row)
@@ -79,31 +77,15 @@ def _report_one_shadow(estimator: Estimator, data: Path) -> str:
     return f"One shadow each:\n\n{_table(answers)}"
 
 
-def shadow_text(row: dict[str, str]) -> str:
-    """Return a shadow as the command line writes it, "doubt:" before it where who marked it was not sure.
-
-    Args:
-        row: of `shadows.csv`.
-    """
-    size = float(row["width"]), float(row["height"])
-    ends = [
-        min(max(float(row[f"{name}_{axis}"]), 0.0), side)
-        for name in ("foot", "tip", "top")
-        if row[f"{name}_x"]
-        for axis, side in zip("xy", size, strict=True)
-    ]
-    return f"{'doubt:' * (row['sure'] != 'yes')}{','.join(map(str, ends))}"
-
-
 def _report_photos(estimator: Estimator, data: Path) -> str:
     """All marks of a photo at once by how it was chosen, and each alone by its gesture."""
     rows = {
         row["file"]: (split, row)
-        for split, table in _PHOTO_TABLES.items()
-        for row in read_table(data / table, ("file", *_SUN_COLUMNS))
+        for split, table in PHOTO_TABLES.items()
+        for row in read_table(data / table, ("file", *SUN_COLUMNS))
     }
     photos: dict[tuple[str, str], list[str]] = {}  # their marks, by file and sample
-    for row in read_table(_MARKS, ("file", "sample", "mark")):
+    for row in read_table(PHOTO_MARKS, ("file", "sample", "mark")):
         photos.setdefault((row["file"], row["sample"]), []).extend([row["mark"]] if row["mark"] else [])
     together: list[_MarkedAnswer | None] = []
     alone: list[_MarkedAnswer | None] = []
@@ -140,7 +122,7 @@ def _ask(estimator: Estimator, data: Path, row: dict[str, str]) -> _Marked:
     """A row's photo, its true sun, and that of the network alone."""
     photo = read_photo(data / row["file"])
     alone = estimator(photo, UserInput(metadata=False)).lighting.sun_direction
-    return _Marked(photo, direction(*(float(row[name]) for name in _SUN_COLUMNS)), alone)
+    return _Marked(photo, direction(*(float(row[name]) for name in SUN_COLUMNS)), alone)
 
 
 def _answer(estimator: Estimator, marked: _Marked, marks: Sequence[str], groups: Iterable[str]) -> _MarkedAnswer | None:

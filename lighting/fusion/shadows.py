@@ -30,19 +30,27 @@ Point = tuple[float, float]
 # Fitted to the logarithmic loss of 105 marks, doubtful ones among them; 50 and 90 % regions of sure ones hold as much:
 # `python -m export report shadows` prints it.
 _HAND_STD = 0.0056  # of a marked point, as a share of the photo's longer side
-_COARSE_RATE, _COARSE_STDS = 0.2, 5.0  # share of marks that are coarse, and their widths by those of the others
-_OUTLIER_RATE = 0.05  # share of marks that are wrong altogether
-_DOUBTED_RATES = (0.6, 0.2)  # both shares of marks that are doubted
+_RATES = (0.2, 0.05)  # shares of marks that are coarse, and that are wrong altogether
+_COARSE_STDS = 5.0  # widths of coarse marks by those of the others
 _CAMERA_STD = (1.04, 1.12, 0.045)  # of the estimated camera: elevation, roll, deg; the field of view's tangent, a share
 _AZIMUTH_STD, _ELEVATION_STD = 2.0, 2.0  # deg, of ground that is not quite level and things not quite upright
 _OWN_STD = 2.5  # deg, of the camera's own shadow, whose middle has no mark
 _HEAD_STD = 6.0  # deg of azimuth, of a head's shadow, which is not the camera's
 _SIDE_STD = 12.0  # deg of azimuth over which a lit side turns to shade
-_BORDER_STD = 25.0  # deg of azimuth by where a thing's shade turns into light
 _SIDE_OUTLIER_RATE = 0.1  # share of lit sides that are wrong
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
 _MIN_LENGTH = 3.0  # pixels, of a mark
 _STEP = 1e-3  # of the numerical derivatives: deg, and shares
+
+
+@dataclass(frozen=True)
+class MarkErrors:
+    """How wide the errors of some marks are: `python -m export fit shadow-marks` prints what others would be worth."""
+
+    doubted_rates: tuple[float, float] = (0.6, 0.2)
+    """Shares (0 to 1) of doubted shadows that are coarse, and that are wrong altogether."""
+    border_std: float = 30.0
+    """Deg of azimuth, by the border of a lit side."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,7 @@ class LitSide:
 
 
 ShadowMark = Shadow | OwnShadow | ShadowLine | LitSide
+MARK_ERRORS = MarkErrors()
 
 
 def marked_points(mark: ShadowMark) -> list[Point]:
@@ -171,13 +180,16 @@ def check_marks(marks: object) -> None:
             raise ParameterError(sentence, "shadows", ErrorCode.CONTRADICTION)
 
 
-def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> Floats:
+def shadow_likelihood(
+    mark: ShadowMark, camera: Pinhole, directions: Floats, errors: MarkErrors = MARK_ERRORS
+) -> Floats:
     """Return how likely a mark is for each direction (N,) of the sun, up to a factor.
 
     Args:
         mark: in pixels of the camera's picture.
         camera: estimated; its azimuth is 0.
         directions: (N, 3) unit vectors towards the sun.
+        errors: of the marks.
 
     Raises:
         ParameterError: a point of the ground lies at or over the horizon, or outside of the picture.
@@ -190,7 +202,7 @@ def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> 
     azimuth, elevation = angles(directions)
     match mark:
         case LitSide():
-            return _side_likelihood(mark, camera, azimuth)
+            return _side_likelihood(mark, camera, azimuth, errors.border_std)
         case OwnShadow():
             return _own_likelihood(mark, camera, azimuth, elevation)
         case ShadowLine():
@@ -199,7 +211,8 @@ def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> 
             variance = std[0, 0]
             return _mix(lambda n: (_gaussian(there, variance * n**2) + _gaussian(opposite, variance * n**2)) / 2, 360.0)
         case Shadow():
-            return _shadow_likelihood(mark, camera, azimuth, elevation)
+            rates = errors.doubted_rates if mark.is_doubted else _RATES
+            return _shadow_likelihood(mark, camera, azimuth, elevation, rates)
 
 
 def implied_azimuth(mark: ShadowMark, camera: Pinhole) -> float | None:
@@ -214,18 +227,20 @@ def implied_azimuth(mark: ShadowMark, camera: Pinhole) -> float | None:
     return float(_ground_azimuth(camera, mark.foot, mark.tip)[0]) if isinstance(mark, Shadow) else None
 
 
-def _shadow_likelihood(mark: Shadow, camera: Pinhole, azimuth: Floats, elevation: Floats) -> Floats:
+def _shadow_likelihood(
+    mark: Shadow, camera: Pinhole, azimuth: Floats, elevation: Floats, rates: tuple[float, float]
+) -> Floats:
     """Of a shadow with its foot."""
     points = marked_points(mark)
     if mark.top is None:
         value, covariance = _propagate(lambda c, p: _ground_azimuth(c, p[0], p[1]), camera, points)
         error = wrap_azimuth(azimuth - value[0])
-        return _mix(lambda stds: _gaussian(error, covariance[0, 0] * stds**2), 360.0, mark.is_doubted)
+        return _mix(lambda stds: _gaussian(error, covariance[0, 0] * stds**2), 360.0, rates)
     value, covariance = _propagate(lambda c, p: _sun_of_shadow(c, *p), camera, points)
     error = np.stack([wrap_azimuth(azimuth - value[0]), elevation - value[1]], axis=-1)
     squared = np.einsum("ni,ij,nj->n", error, np.linalg.inv(covariance), error)
     scale = 2 * math.pi * math.sqrt(np.linalg.det(covariance))
-    return _mix(lambda stds: np.exp(-0.5 * squared / stds**2) / (scale * stds**2), 360.0 * 90.0, mark.is_doubted)
+    return _mix(lambda stds: np.exp(-0.5 * squared / stds**2) / (scale * stds**2), 360.0 * 90.0, rates)
 
 
 def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation: Floats) -> Floats:
@@ -245,7 +260,7 @@ def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation
     return _mix(lambda stds: by_azimuth(stds) * _gaussian(elevation - value[1], covariance[1, 1] * stds**2), 32400.0)
 
 
-def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats) -> Floats:
+def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats, border_std: float) -> Floats:
     """Of a lit side: the sun stands on that side of the line of sight, in depth as the border tells, or wherever."""
     shaded, lit = (angles(pixel_ray(camera, point))[0] for point in (mark.shaded, mark.lit))
     between, side = shaded + wrap_azimuth(lit - shaded) / 2, np.sign(wrap_azimuth(lit - shaded))
@@ -255,7 +270,7 @@ def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats) -> Floats:
         return np.asarray((1 - _SIDE_OUTLIER_RATE) * share + _SIDE_OUTLIER_RATE / 2)
     from_behind = math.degrees(math.acos(2 * _lit_share(mark, mark.border) - 1))  # of the camera, as of a moon's phase
     error = wrap_azimuth(azimuth - between - 180.0 + side * from_behind)
-    return np.asarray((1 - _SIDE_OUTLIER_RATE) * _gaussian(error, _BORDER_STD**2) + _SIDE_OUTLIER_RATE / 360.0)
+    return np.asarray((1 - _SIDE_OUTLIER_RATE) * _gaussian(error, border_std**2) + _SIDE_OUTLIER_RATE / 360.0)
 
 
 def _lit_share(mark: LitSide, border: Point) -> float:
@@ -327,9 +342,9 @@ def _gaussian(error: Floats, variance: float) -> Floats:
     return np.asarray(np.exp(-0.5 * error**2 / variance) / math.sqrt(2 * math.pi * variance))
 
 
-def _mix(density: Callable[[float], Floats], extent: float, is_doubted: bool = False) -> Floats:
+def _mix(density: Callable[[float], Floats], extent: float, rates: tuple[float, float] = _RATES) -> Floats:
     """A density, by how many times its widths, with coarse marks and wrong ones anywhere in the extent [deg, deg2]."""
-    coarse_rate, outlier_rate = _DOUBTED_RATES if is_doubted else (_COARSE_RATE, _OUTLIER_RATE)
+    coarse_rate, outlier_rate = rates
     fine, coarse = 1 - coarse_rate - outlier_rate, coarse_rate * density(_COARSE_STDS)
     return np.asarray(fine * density(1.0) + coarse + outlier_rate / extent)
 
