@@ -17,7 +17,7 @@ from lighting.sun_grid import grid_directions, smooth_density
 
 PHOTO_MARKS = Path(__file__).parents[1] / "data" / "photo_marks.csv"
 PHOTO_TABLES = {"val": "photos.csv", "train": "photos_train.csv"}  # by split
-SUN_COLUMNS = ("sun_azimuth", "sun_elevation")
+TRUE_SUN = ("sun_azimuth", "sun_elevation")
 DOUBTED_RATES = ((0.2, 0.05), (0.3, 0.1), (0.4, 0.15), (0.6, 0.2), (0.7, 0.3), (0.8, 0.2))  # tried
 BORDER_STDS = (15.0, 20.0, 25.0, 30.0, 40.0)  # deg, tried
 
@@ -105,7 +105,7 @@ def _gains_table(heading: str, tried: dict[str, list[float]], parts: Sequence[st
 
 def _doubted_marks(model: Model, data: Path) -> Iterator[tuple[str, _FitMark]]:
     """Those of crops by split, grouped by place."""
-    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", "place", "split", *SUN_COLUMNS)):
+    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", "place", "split", *TRUE_SUN)):
         if row["sun_azimuth"] and row["panorama"] and row["sure"] != "yes":
             yield row["split"], _fit_mark(model, data, row, read_shadow(shadow_text(row)), row["place"])
 
@@ -115,7 +115,7 @@ def _lit_marks(model: Model, data: Path) -> Iterator[tuple[str, _FitMark]]:
     rows = {
         row["file"]: (split, row)
         for split, table in PHOTO_TABLES.items()
-        for row in read_table(data / table, ("file", "group", *SUN_COLUMNS))
+        for row in read_table(data / table, ("file", "group", *TRUE_SUN))
     }
     for line in read_table(PHOTO_MARKS, ("file", "mark")):
         mark = read_shadow(line["mark"]) if line["mark"] else Shadow((0.0, 0.0), (0.0, 0.0))
@@ -129,5 +129,5 @@ def _fit_mark(model: Model, data: Path, row: dict[str, str], mark: ShadowMark, g
     prediction = model.predict_one(photo)
     tilt = prediction.camera_elevation, prediction.camera_roll
     camera = Pinhole(photo.width, photo.height, prediction.vertical_fov, 0.0, *tilt)
-    sun = direction(*(float(row[name]) for name in SUN_COLUMNS))
+    sun = direction(*(float(row[name]) for name in TRUE_SUN))
     return _FitMark(mark, camera, prediction.sun_probability, prediction.spec.sun_grid, sun, group)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from export.data.panoramas import read_table
-from export.evaluation.fit_marks import PHOTO_MARKS, PHOTO_TABLES, SUN_COLUMNS, shadow_text
+from export.evaluation.fit_marks import PHOTO_MARKS, PHOTO_TABLES, TRUE_SUN, shadow_text
 from export.evaluation.metrics import markdown_table
 from lighting.errors import ParameterError
 from lighting.estimator import Estimator
@@ -65,7 +65,7 @@ def report_shadows(model: Model, data: Path) -> str:
 def _report_one_shadow(estimator: Estimator, data: Path) -> str:
     """One shadow at a time: as it is, and as a line of which nobody knows the foot."""
     answers = []
-    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", *SUN_COLUMNS)):
+    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", *TRUE_SUN)):
         if not row["sun_azimuth"]:
             continue
         marked, shadow = _ask(estimator, data, row), shadow_text(row)
@@ -82,7 +82,7 @@ def _report_photos(estimator: Estimator, data: Path) -> str:
     rows = {
         row["file"]: (split, row)
         for split, table in PHOTO_TABLES.items()
-        for row in read_table(data / table, ("file", *SUN_COLUMNS))
+        for row in read_table(data / table, ("file", *TRUE_SUN))
     }
     photos: dict[tuple[str, str], list[str]] = {}  # their marks, by file and sample
     for row in read_table(PHOTO_MARKS, ("file", "sample", "mark")):
@@ -122,7 +122,7 @@ def _ask(estimator: Estimator, data: Path, row: dict[str, str]) -> _Marked:
     """A row's photo, its true sun, and that of the network alone."""
     photo = read_photo(data / row["file"])
     alone = estimator(photo, UserInput(metadata=False)).lighting.sun_direction
-    return _Marked(photo, direction(*(float(row[name]) for name in SUN_COLUMNS)), alone)
+    return _Marked(photo, direction(*(float(row[name]) for name in TRUE_SUN)), alone)
 
 
 def _answer(estimator: Estimator, marked: _Marked, marks: Sequence[str], groups: Iterable[str]) -> _MarkedAnswer | None:
