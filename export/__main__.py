@@ -187,6 +187,20 @@ def _segments(data: Path, teacher: Path, out: Path, cross_validate: bool) -> Non
     )
 
 
+@export_cli.command("kinds")
+@_data
+@_network
+def _kinds(data: Path, model: Path | None) -> None:
+    """Fit what tells kinds of places apart, and write it into the library of detail.
+
+    Prints what it tells of `val`.
+    """
+    from export.training.place_kinds import fit_place_kinds
+    from lighting.model import Model
+
+    click.echo(fit_place_kinds(data, Model.load(model)))
+
+
 @export_cli.command("prior")
 @_data
 @_labels

@@ -3,12 +3,14 @@
     python -m export.data.detail_library --data DIR
 
 Each is exposed like a photo. The sun and its glare are taken out, since a map has a sun of its own. It is kept as a
-small WebP picture beside its kind and the features by which it is chosen. `balance_library` then says what those cost
-that would be chosen too often.
+small WebP picture beside its kind and the features by which it is chosen. `python -m export kinds` then adds what
+tells kinds of places apart, and `python -m export report map-detail --balance` what those cost that would be chosen too
+often.
 """
 
 import argparse
 import io
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
-from lighting.color import luminance, tone_map
+from lighting.color import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_RANGE,
@@ -29,7 +31,9 @@ from lighting.envmap.detail_library import (
     class_features,
 )
 from lighting.envmap.latlong import shrink_envmap
+from lighting.envmap.place_kinds import KIND_FEATURES, PLACE_KINDS
 from lighting.geometry import (
+    Floats,
     Pinhole,
     angle_between,
     camera_directions,
@@ -39,7 +43,7 @@ from lighting.geometry import (
     sample_latlong,
 )
 from lighting.model import Model
-from lighting.photo.reader import photo_from_array
+from lighting.photo.reader import Photo, photo_from_array
 from lighting.segmentation import photo_segments
 
 _LICENCE = "poly haven"  # in the field of a row whose panorama may ship
@@ -76,6 +80,7 @@ _ROW = np.dtype(
         *(("name", "U40"), ("size", "i8")),  # bytes of the picture
         ("features", "u1", (len(FEATURES), FEATURE_ROWS, 2 * FEATURE_ROWS)),  # FEATURE_RANGE in 255 steps
         *(("sun_azimuth", "f8"), ("sunlit", "?"), ("kind", "U10"), ("cost", "f4")),
+        ("kinds", "f4", (len(PLACE_KINDS),)),  # how much likelier each is here than elsewhere
     ]
 )
 
@@ -117,14 +122,14 @@ def _make_detail_library(data: Path) -> tuple[NDArray[np.void], bytes]:
     return table, b"".join(pictures)
 
 
-def read_detail_library(file: Path) -> tuple[NDArray[np.void], bytes]:
-    """The table of a library, and its pictures, one after the other.
+def read_detail_library(file: Path) -> tuple[NDArray[np.void], NDArray[np.float32], bytes]:
+    """The table of a library, the weights of its classifier of places, and its pictures, one after the other.
 
     Args:
         file: the library's.
     """
     with file.open("rb") as stream:
-        return np.load(stream), stream.read()
+        return np.load(stream), np.load(stream), stream.read()
 
 
 def balance_library(costs: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -147,16 +152,18 @@ def balance_library(costs: NDArray[np.floating]) -> NDArray[np.float32]:
     return extra.astype(np.float32)
 
 
-def write_detail_library(file: Path, table: NDArray[np.void], pictures: bytes) -> None:
-    """Write a library: NumPy's plain table, and the pictures after it.
+def write_detail_library(file: Path, table: NDArray[np.void], weights: NDArray[np.float32], pictures: bytes) -> None:
+    """Write a library: NumPy's plain table and weights, and the pictures after them.
 
     Args:
         file: the library's.
         table: (N,) a row for each panorama.
+        weights: (F + 1, K) of `place_kinds.kind_probability`.
         pictures: of all, one after the other.
     """
     with file.open("wb") as stream:
         np.save(stream, table, allow_pickle=False)
+        np.save(stream, weights, allow_pickle=False)
         stream.write(pictures)
 
 
@@ -220,6 +227,34 @@ def _features(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.concatenate([four, _smooth(four[0])[None], _classes(linear)])
 
 
+def level_views(linear: NDArray[np.float32]) -> Iterator[Photo]:
+    """Views all around in a panorama.
+
+    Args:
+        linear: (H, 2H, 3), 0 to 1.
+    """
+    for directions in _view_directions():
+        yield photo_from_array(tone_map(sample_latlong(linear, directions)))
+
+
+def _view_directions() -> Iterator[Floats]:
+    for azimuth in range(0, 360, _VIEW_STEP):
+        yield camera_directions(Pinhole(*_VIEW_SIZE, _VIEW_FOV, azimuth=azimuth))
+
+
+def library_pictures(table: NDArray[np.void], pictures: bytes) -> Iterator[NDArray[np.float32]]:
+    """Panoramas (PICTURE_ROWS, 2 PICTURE_ROWS, 3) of a library, linear.
+
+    Args:
+        table: (N,) of `read_detail_library`.
+        pictures: likewise.
+    """
+    ends = np.cumsum(table["size"])
+    for end, size in zip(ends.tolist(), table["size"].tolist(), strict=True):
+        with Image.open(io.BytesIO(pictures[end - size : end])) as picture:
+            yield SRGB_LINEAR[np.asarray(picture.convert("RGB"))]
+
+
 @cache
 def _model() -> Model:
     """The network of this package, which tells what views show."""
@@ -233,9 +268,7 @@ def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     shape = FEATURE_ROWS, 2 * FEATURE_ROWS
     total, count = np.zeros((len(FEATURE_CLASSES), *shape)), np.zeros(shape)
-    for azimuth in range(0, 360, _VIEW_STEP):
-        directions = camera_directions(Pinhole(*_VIEW_SIZE, _VIEW_FOV, azimuth=azimuth))
-        photo = photo_from_array(tone_map(sample_latlong(linear, directions)))
+    for directions, photo in zip(_view_directions(), level_views(linear), strict=True):
         segments = photo_segments(_model().predict_one(photo).segments, photo.width, photo.height)
         assert segments is not None
         x, y = np.moveaxis(latlong_pixel(directions, FEATURE_ROWS), -1, 0)
@@ -266,7 +299,8 @@ def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with panoramas.csv and the pictures")
     table, pictures = _make_detail_library(parser.parse_args().data)
-    write_detail_library(LIBRARY_PATH, table, pictures)
+    weights = np.zeros((KIND_FEATURES + 1, len(PLACE_KINDS)), np.float32)
+    write_detail_library(LIBRARY_PATH, table, weights, pictures)
     print(f"{LIBRARY_PATH}: {len(table)} panoramas, {LIBRARY_PATH.stat().st_size} bytes")
 
 

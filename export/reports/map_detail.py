@@ -420,10 +420,10 @@ def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
     """
     panoramas, files = prepare_views(data, model, count, "train", cache)
     found = [describe_place(view.lighting, view.context) for view in read_views(files, panoramas)]
-    costs = [choice_costs(one.target, one.weight, one.sun_azimuth, one.snow).min(axis=(0, 2)) for one in found]
-    table, pictures = read_detail_library(LIBRARY_PATH)
+    costs = [choice_costs(one).min(axis=(0, 2)) for one in found]
+    table, weights, pictures = read_detail_library(LIBRARY_PATH)
     table["cost"] = balance_library(np.stack(costs))
-    write_detail_library(LIBRARY_PATH, table, pictures)
+    write_detail_library(LIBRARY_PATH, table, weights, pictures)
     used = np.bincount((np.stack(costs) + table["cost"]).argmin(axis=1))
     return (
         f"{LIBRARY_PATH}: {np.count_nonzero(used)} of {len(table)} panoramas suit {len(files)} crops, "

@@ -48,6 +48,8 @@ _SNOW_REFLECTANCE = 0.85
 _MIN_SNOW_REFLECTANCE = 0.6  # of the ground, for a place of snow
 _MIN_BLUE_REFLECTANCE = 0.38  # the same of ground that is blue in the photo, as snow under a clear sky is
 _BLUE = 1.1  # of such ground: its blue over its red
+_UNLIKELY_SNOW, _LIKELY_SNOW = 0.1, 0.6  # probabilities of a place of snow: below it is none, above white ground tells
+_MOSTLY_WHITE = 0.55  # share of the ground, where snow is likely
 _MAX_SNOW_BUILDING = 0.15  # of the photo, for a place of snow
 _MIN_SNOW_SHARE = 0.7  # of the ground's pixels that are white
 _MIN_SNOW_LUMINANCE = 0.25  # of a white pixel
@@ -262,18 +264,26 @@ def snow_gain(samples: PhotoSamples, lighting: Lighting) -> float:
     return float(np.clip(luminance(reflectance) / _SNOW_REFLECTANCE, 1.0, _MAX_SNOW_GAIN))
 
 
-def shows_snow(samples: PhotoSamples, lighting: Lighting) -> bool:
+def shows_snow(samples: PhotoSamples, lighting: Lighting, probability: float | None = None) -> bool:
     """Whether the ground that a photo shows is snow, and no white pavement before buildings.
 
     Args:
         samples: of the photo.
         lighting: of the photo, after `snow_gain`.
+        probability: that the place is one of snow, 0 to 1; then white ground that is darker is snow, too, or bright
+            ground is none. None: unknown.
     """
+    if probability is not None and probability < _UNLIKELY_SNOW:
+        return False
     segments = samples.segments
     if segments is not None and float(class_share(segments, SurfaceClass.BUILDING).mean()) > _MAX_SNOW_BUILDING:
         return False
+    if samples.ground is None:
+        return False
+    if probability is not None and probability > _LIKELY_SNOW and _white_share(samples, shaded=True) > _MOSTLY_WHITE:
+        return True
     reflectance = _snow_reflectance(samples, lighting, shaded=True)
-    if reflectance is None or samples.ground is None:
+    if reflectance is None:
         return False
     red, _, blue = _middle_mean(samples.colors[samples.ground])
     return float(luminance(reflectance)) > (_MIN_BLUE_REFLECTANCE if blue > _BLUE * red else _MIN_SNOW_REFLECTANCE)
@@ -286,6 +296,18 @@ def _snow_reflectance(samples: PhotoSamples, lighting: Lighting, *, shaded: bool
     """
     if lighting.sky_irradiance is None or samples.ground is None:
         return None
+    if _white_share(samples, shaded=shaded) < _MIN_SNOW_SHARE:
+        return None
+    ground = samples.colors[samples.ground]
+    reflectance = np.pi * _middle_mean(ground) / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
+    tint = _MAX_SNOW_TINT
+    if shaded:
+        tint = _MAX_WARM_TINT if reflectance[0] > reflectance[2] else _MAX_BLUE_TINT
+    return None if reflectance.max() > tint * reflectance.min() else np.asarray(reflectance)
+
+
+def _white_share(samples: PhotoSamples, *, shaded: bool) -> float:
+    """The share of a photo's ground that is bright and hardly colored; in shade it may be blue."""
     ground, high = samples.colors[samples.ground], samples.largest[samples.ground]
     spread = high - ground.min(axis=1)
     pale = spread < _MAX_SNOW_SATURATION * high
@@ -293,13 +315,7 @@ def _snow_reflectance(samples: PhotoSamples, lighting: Lighting, *, shaded: bool
         cool = (np.diff(ground, axis=1) > -_BLUE_TOLERANCE * ground[:, 1:2]).all(axis=1)
         pale |= cool & (spread < _MAX_BLUE_SATURATION * high)
     white = pale & (luminance(ground) > (_MIN_SHADED_LUMINANCE if shaded else _MIN_SNOW_LUMINANCE))
-    if white.mean() < _MIN_SNOW_SHARE:
-        return None
-    reflectance = np.pi * _middle_mean(ground) / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
-    tint = _MAX_SNOW_TINT
-    if shaded:
-        tint = _MAX_WARM_TINT if reflectance[0] > reflectance[2] else _MAX_BLUE_TINT
-    return None if reflectance.max() > tint * reflectance.min() else np.asarray(reflectance)
+    return float(white.mean())
 
 
 def _middle_mean(ground: Floats) -> Floats:

@@ -2,10 +2,11 @@
 
 A map takes from one of them what is finer than the network's cells. What the photo shows in each cell decides which:
 brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it, and how much
-of plants, buildings and water its kind of place has all around. Colors of ground and leaves count: no lawn goes on as
-paving. Its sun counts too, so that shadows agree. Snow is for photos of snow alone, shores for photos of water.
+of plants, buildings and water its kind of place has all around, and which kind that probably is. Colors of ground and
+leaves count: no lawn goes on as paving. Its sun counts too, so that shadows agree. Snow is for photos of snow alone,
+shores for photos of water.
 
-`python -m export.data.detail_library` made the file.
+`python -m export.data.detail_library` and `python -m export kinds` made the file.
 """
 
 import io
@@ -23,6 +24,7 @@ from lighting.checksum import DATA_FOLDER, verify_checksum
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.appearance import PhotoSamples, shows_snow
 from lighting.envmap.latlong import Image, blur_cells, cell_bands, column_blocks, shrink_envmap, widen_cells
+from lighting.envmap.place_kinds import PLACE_KINDS, kind_features, kind_probability
 from lighting.envmap.projection import sample_cells
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.records import Lighting
@@ -77,6 +79,9 @@ _BARE = ("desert", "mountain")
 _SHORES = ("shore", "waterfront")
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
+_SNOW = PLACE_KINDS.index("snow")
+_KIND_WEIGHT = 2.0  # of the logarithm of how likely a photo's kind of place is in a panorama
+_LEAST_LIKELY = 0.05  # times as in places at large, that counts in it
 _MIN_SAMPLES = 8  # sampled pixels of the photo by which a cell counts as visible
 _COLORFUL = 0.12  # spread of a photo's colors, in logarithms, from which the library's are shown in full
 _COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
@@ -104,6 +109,10 @@ class _DetailLibrary:
     """(N,) of BACKDROPS."""
     cost: Floats
     """(N,) in squared logarithms, of what would be chosen too often."""
+    kinds: Floats
+    """(N, K) how much likelier each of PLACE_KINDS is in a panorama than in places at large."""
+    kind_weights: Floats
+    """(F + 1, K) of `kind_probability`."""
 
     @cached_property
     def shares(self) -> Floats:
@@ -169,6 +178,8 @@ class PhotoFeatures:
     """0 for a grey photo to 1."""
     snow: bool = False
     """Whether the photo shows snow."""
+    kinds: Floats | None = None
+    """(K,) probabilities of PLACE_KINDS. None: unknown."""
 
 
 @lru_cache(maxsize=1)
@@ -176,7 +187,7 @@ def load_detail_library() -> _DetailLibrary:
     """The library in this package; ModelError where its file is damaged."""
     verify_checksum(LIBRARY_PATH)
     with LIBRARY_PATH.open("rb") as file:
-        table, begin = np.load(file), file.tell()
+        table, weights, begin = np.load(file), np.load(file), file.tell()
     ends = begin + np.cumsum(table["size"])
     low, high = FEATURE_RANGE
     return _DetailLibrary(
@@ -189,6 +200,8 @@ def load_detail_library() -> _DetailLibrary:
         sunlit=table["sunlit"],
         kind=table["kind"],
         cost=table["cost"],
+        kinds=table["kinds"],
+        kind_weights=weights,
     )
 
 
@@ -212,7 +225,11 @@ def cell_features(colors: Image, cell: NDArray[np.intp]) -> tuple[Image, NDArray
 
 
 def describe_photo(
-    lighting: Lighting, photo: NDArray[np.uint8], around: Image, segments: Segments | None = None
+    lighting: Lighting,
+    photo: NDArray[np.uint8],
+    around: Image,
+    segments: Segments | None = None,
+    surroundings: NDArray[np.float32] | None = None,
 ) -> PhotoFeatures:
     """What of a photo counts for its detail.
 
@@ -221,6 +238,7 @@ def describe_photo(
         photo: (h, w, 3) sRGB, upright.
         around: (FEATURE_ROWS, 2 FEATURE_ROWS, 3) linear, the coarse map that it lies in.
         segments: what the photo shows; None: unknown.
+        surroundings: (R, 2R, 3) linear, what the network predicts around the camera; None: unknown.
     """
     samples = PhotoSamples.of_photo(photo, lighting, segments)
     colors, cell = sample_cells(photo, lighting, FEATURE_ROWS)
@@ -235,7 +253,14 @@ def describe_photo(
     target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
     weight = _feature_weights(seen, level, segments is not None)
     saturation, azimuth = _saturation(flat), lighting.sun_azimuth if lighting.sun_shines else None
-    return PhotoFeatures(target, weight, azimuth, saturation, shows_snow(samples, lighting))
+    likely = None
+    if segments is not None and surroundings is not None:
+        likely = kind_probability(kind_features(segments, surroundings), load_detail_library().kind_weights)
+    snow = shows_snow(samples, lighting, None if likely is None else float(likely[_SNOW]))
+    if likely is not None and not snow:
+        likely[_SNOW] = 0.0
+        likely /= likely.sum()
+    return PhotoFeatures(target, weight, azimuth, saturation, snow, likely)
 
 
 def _saturation(colors: Image) -> float:
@@ -287,44 +312,31 @@ def choose_source(features: PhotoFeatures, kind: str | None = None) -> DetailSou
         features: of the photo.
         kind: of BACKDROPS, to which the choice is confined; None: all of them.
     """
-    choice = _choose_detail(features.target, features.weight, features.sun_azimuth, features.snow, kind=kind)
-    return DetailSource(choice, features.saturation)
+    return DetailSource(_choose_detail(features, kind), features.saturation)
 
 
-def _choose_detail(
-    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, kind: str | None = None
-) -> _DetailChoice:
-    """The panorama, of all rotations and both ways round, that costs least.
-
-    Args:
-        target: as that of `choice_costs`.
-        weight: likewise.
-        sun_azimuth: likewise.
-        snow: likewise.
-        kind: likewise.
-    """
-    cost = choice_costs(target, weight, sun_azimuth, snow, kind) + load_detail_library().cost[:, None]
+def _choose_detail(features: PhotoFeatures, kind: str | None = None) -> _DetailChoice:
+    """The panorama, of all rotations and both ways round, that costs least; arguments as those of `choice_costs`."""
+    cost = choice_costs(features, kind) + load_detail_library().cost[:, None]
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return _DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
 
 
-def choice_costs(
-    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, kind: str | None = None
-) -> Floats:
+def choice_costs(photo: PhotoFeatures, kind: str | None = None) -> Floats:
     """Squared differences of features (2, N, turns), but for what is the same for all: panoramas, and flipped ones.
 
+    Panoramas of snow are for photos of snow alone, and no others are.
+
     Args:
-        target: (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
-        weight: as `target`, of `_feature_weights`.
-        sun_azimuth: deg, of a sun that shines; None: without.
-        snow: whether the photo shows snow; panoramas of snow are for such photos alone, and no others are.
+        photo: for which they are compared.
         kind: of BACKDROPS, whose panoramas alone are for it whatever it shows; None: all.
     """
+    target, weight = photo.target, photo.weight
     library = load_detail_library()
     columns = 2 * FEATURE_ROWS
     turned = (np.arange(columns)[:, None] + np.arange(columns)) % columns  # (turns, columns)
     flips = [library.features, library.features[..., ::-1]]
-    costs = [_sun_cost(library, flipped, sun_azimuth) for flipped in (False, True)]
+    costs = [_sun_cost(library, flipped, photo.sun_azimuth) for flipped in (False, True)]
     for number, (weights, targets) in enumerate(zip(weight, weight * target, strict=True)):
         rows = weights.any(axis=1)  # of most kinds only those that the photo shows
         turns = [one[rows][:, turned].swapaxes(0, 1).reshape(columns, -1).T for one in (weights, targets)]
@@ -332,7 +344,9 @@ def choice_costs(
             values = features[:, number, rows].reshape(len(features), -1)
             cost += values**2 @ turns[0] - 2 * values @ turns[1]
     around = _around_cost(library, target, weight) + _color_cost(library, target, weight)
-    fits = (library.kind == "snow") == snow if kind is None else library.kind == kind
+    if photo.kinds is not None:
+        around -= _KIND_WEIGHT * np.log(library.kinds @ photo.kinds + _LEAST_LIKELY)
+    fits = (library.kind == "snow") == photo.snow if kind is None else library.kind == kind
     around += np.where(fits, 0.0, np.inf)
     return np.stack(costs) + around[:, None]
 

@@ -226,7 +226,8 @@ def describe_place(lighting: Lighting, context: PhotoContext) -> detail_library.
     """
     light = context.light or lighting
     bare, factors = _coarse_map(light, context)
-    return detail_library.describe_photo(light, context.photo, _pool_cells(bare) * factors, context.segments)
+    cells = _pool_cells(bare) * factors
+    return detail_library.describe_photo(light, context.photo, cells, context.segments, context.coarse_panorama)
 
 
 def _coarse_map(lighting: Lighting, context: PhotoContext) -> tuple[Image, Image]:

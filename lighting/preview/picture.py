@@ -127,7 +127,7 @@ def draw_preview_pixels(
     lighting = estimate.lighting
     envmap = check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
-    plan = _lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
+    plan = _lay_out(aspect, len(numbers), len(_note_lines(lighting)))
     compass = _draw_compass(estimate, aspect, plan.compass.width)
     centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
     scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
@@ -216,8 +216,7 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
         accuracy = "set by hand"
     elif visible:
         half, most = _format_short(lighting.radius_50), _format_short(lighting.radius_90)
-        words = (describe_trust(lighting), describe_candidates(lighting))
-        accuracy = f"half of the probability lies within {half}°, 90 % within {most}°; {'; '.join(filter(None, words))}"
+        accuracy = f"half of the probability lies within {half}°, 90 % within {most}°; {describe_trust(lighting)}"
     elif lighting.sun_elevation < 0:
         accuracy = f"twilight: the sun is {where}"
     else:
@@ -229,7 +228,7 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     draw_text(canvas, (_MARGIN, _MARGIN + 40), accuracy, TextStyle(size, MUTED))
     draw_text(canvas, (PREVIEW_WIDTH - _MARGIN, _MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
     draw_text(canvas, (PREVIEW_WIDTH - _MARGIN, _MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
-    for number, line in enumerate(_warning_lines(lighting)):
+    for number, line in enumerate(_note_lines(lighting)):
         draw_text(canvas, (_MARGIN, _MARGIN + 70 + number * _WARNING_LINE), line, TextStyle(18, TEXT))
 
 
@@ -238,10 +237,11 @@ def _fit_text_size(text: str, size: int, width: float) -> int:
     return min(size, int(size * width / text_width(text, size)))
 
 
-def _warning_lines(lighting: Lighting) -> list[str]:
-    """The record's warnings, and why no ball stands in the photo, in lines as wide as the picture."""
-    warnings = (*lighting.warnings, *spot_warnings(lighting))
-    return [line for warning in warnings for line in wrap(f"Warning: {warning}", _WARNING_LETTERS)]
+def _note_lines(lighting: Lighting) -> list[str]:
+    """Where else the sun may be, the record's warnings, and why no ball stands in the photo, as wide as the picture."""
+    warnings = [f"Warning: {warning}" for warning in (*lighting.warnings, *spot_warnings(lighting))]
+    others = describe_candidates(lighting).capitalize()
+    return [line for text in (others, *warnings) for line in wrap(text, _WARNING_LETTERS)]
 
 
 def _format_sources(lighting: Lighting) -> str:

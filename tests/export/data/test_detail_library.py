@@ -13,9 +13,13 @@ from export.data.detail_library import (
     _may_ship,
     _remove_glare,
     balance_library,
+    level_views,
+    library_pictures,
+    read_detail_library,
     write_detail_library,
 )
 from export.data.panoramas import Panorama
+from lighting.envmap.place_kinds import KIND_FEATURES, PLACE_KINDS
 from lighting.geometry import angle_between, direction, latlong_directions
 
 
@@ -66,7 +70,12 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
     (tmp_path / "panoramas.csv").write_text("\n".join(rows))
     table, pictures = _make_detail_library(tmp_path)
     assert table["name"].tolist() == ["a"]
-    write_detail_library(tmp_path / "detail.npy", table, pictures)
+    weights = np.zeros((KIND_FEATURES + 1, len(PLACE_KINDS)), np.float32)
+    write_detail_library(tmp_path / "detail.npy", table, weights, pictures)
+    assert read_detail_library(tmp_path / "detail.npy")[2] == pictures
+    (decoded,) = library_pictures(table, pictures)
+    assert decoded.shape == (96, 192, 3)
+    assert len(list(level_views(decoded))) == 12
     monkeypatch.setattr(detail_library, "LIBRARY_PATH", tmp_path / "detail.npy")
     detail_library.load_detail_library.cache_clear()
     try:

@@ -1,6 +1,7 @@
 """Detail around a map: what it must leave as it is, and what it adds."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +12,15 @@ from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_ROWS,
     FEATURES,
-    _choose_detail,
+    PhotoFeatures,
     _detail_picture,
     _DetailChoice,
     _feature_weights,
+    choose_source,
     load_detail_library,
 )
 from lighting.envmap.latlong import blur_cells, envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
+from lighting.envmap.place_kinds import PLACE_KINDS
 from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
@@ -231,6 +234,11 @@ def test_what_stands_before_a_glow_is_dark() -> None:
     assert (tint[:, 45] < 0.2).all()
 
 
+def choose(target: np.ndarray, weight: np.ndarray, **known: Any) -> Any:
+    """The panorama that is chosen for features."""
+    return choose_source(PhotoFeatures(target, weight, **{"sun_azimuth": None, "saturation": 1.0} | known)).choice
+
+
 def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
     library = load_detail_library()
     azimuth, elevation = latlong_angles(FEATURE_ROWS)
@@ -240,20 +248,21 @@ def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
     fitting = np.flatnonzero(library.cost == 0)  # the others cost something for the sake of variety
     for index, turn in zip(fitting[[2, 8, -3]].tolist(), (5, -11, 0), strict=True):
         target = np.roll(library.features[index], turn, axis=-1)
-        assert _choose_detail(target, weight, None) == _DetailChoice(index, False, turn * 7.5)
-        flipped = _choose_detail(target[..., ::-1], weight, None)
+        found = choose(target, weight)
+        assert (found.index, found.flipped, found.yaw) == (index, False, turn * 7.5)
+        flipped = choose(target[..., ::-1], weight)
         assert (flipped.index, flipped.flipped) == (index, True)
 
 
 def test_a_sun_is_put_where_it_stands() -> None:
     library = load_detail_library()
     cells = np.zeros((len(library.features[0]), FEATURE_ROWS, 2 * FEATURE_ROWS), np.float32)
-    choice = _choose_detail(cells, np.zeros_like(cells), 75.0)
+    choice = choose(cells, np.zeros_like(cells), sun_azimuth=75.0)
     side = -1 if choice.flipped else 1
     there = (side * library.sun_azimuth[choice.index] + choice.yaw - 75.0 + 180) % 360 - 180
     assert library.sunlit[choice.index]
     assert abs(there) < 4
-    assert not library.sunlit[_choose_detail(cells, np.zeros_like(cells), None).index]
+    assert not library.sunlit[choose(cells, np.zeros_like(cells)).index]
 
 
 def shown_classes(building: float, plants: float) -> tuple[np.ndarray, np.ndarray]:
@@ -270,17 +279,26 @@ def shown_classes(building: float, plants: float) -> tuple[np.ndarray, np.ndarra
 @pytest.mark.parametrize(("building", "plants"), [(0.0, 0.0), (0.0, 0.9), (0.9, 0.0)])
 def test_places_have_what_the_photo_shows_all_around(building: float, plants: float) -> None:
     library = load_detail_library()
-    features = library.features[_choose_detail(*shown_classes(building, plants), None).index]
+    features = library.features[choose(*shown_classes(building, plants)).index]
     around = {name: features[FEATURES.index(name), 9:13].mean() for name in ("building", "plants")}
     assert around["building"] == pytest.approx(building, abs=0.4 if building else 0.15)
     assert around["plants"] == pytest.approx(plants, abs=0.35 if plants else 0.25)
+
+
+@pytest.mark.parametrize(
+    ("likely", "kinds"), [("city", {"city", "waterfront", "parking"}), ("forest", {"forest"}), ("shore", {"shore"})]
+)
+def test_the_likeliest_kind_of_place_is_chosen_where_little_is_shown(likely: str, kinds: set[str]) -> None:
+    cells = np.zeros((len(FEATURES), FEATURE_ROWS, 2 * FEATURE_ROWS), np.float32)
+    certain = np.array([float(name == likely) for name in PLACE_KINDS])
+    assert load_detail_library().kind[choose(cells, np.zeros_like(cells), kinds=certain).index] in kinds
 
 
 @pytest.mark.parametrize("snow", [False, True])
 def test_snow_is_for_photos_of_snow(snow: bool) -> None:
     library = load_detail_library()
     for plants in (0.0, 0.9):
-        chosen = library.kind[_choose_detail(*shown_classes(0.0, plants), None, snow).index]
+        chosen = library.kind[choose(*shown_classes(0.0, plants), snow=snow).index]
         assert (chosen == "snow") == snow
 
 
@@ -291,7 +309,7 @@ def test_snow_is_for_photos_of_snow(snow: bool) -> None:
 def test_towns_and_shores_are_for_photos_of_them(building: float, water: float, kinds: set[str]) -> None:
     target, weight = shown_classes(building, 0.02)
     target[FEATURES.index("water"), 12:] = water
-    assert load_detail_library().kind[_choose_detail(target, weight, None).index] in kinds
+    assert load_detail_library().kind[choose(target, weight).index] in kinds
 
 
 def test_a_lawn_does_not_go_on_as_paving() -> None:
@@ -300,7 +318,7 @@ def test_a_lawn_does_not_go_on_as_paving() -> None:
     for name, value in (("red", -0.5), ("blue", -1.2)):
         target[FEATURES.index(name)] = value
     weight[: -len(FEATURE_CLASSES)] = weight[-1:] * 1e-6
-    chosen = library.features[_choose_detail(target, weight, None).index, :, 14:20].mean(axis=(1, 2))
+    chosen = library.features[choose(target, weight).index, :, 14:20].mean(axis=(1, 2))
     assert chosen[FEATURES.index("red")] + chosen[FEATURES.index("blue")] < -0.8
 
 

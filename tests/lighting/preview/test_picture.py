@@ -39,9 +39,9 @@ from lighting.preview.picture import (
     _format_photo_caption,
     _frame_directions,
     _lay_out,
+    _note_lines,
     _on_dome,
     _split_at_seam,
-    _warning_lines,
     draw_preview_pixels,
 )
 from lighting.records import EvidenceKind, Lighting
@@ -159,12 +159,12 @@ def test_what_is_not_certain_is_not_stated_plainly(
 
 def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
     short, long = "The photo may be cropped.", "Twilight mowed the whole wide world. " * 9
-    lines = _warning_lines(outdoors(warnings=(short, long)))
+    lines = _note_lines(outdoors(warnings=(short, long)))
     assert lines[0] == f"Warning: {short}"
     assert " ".join(lines[1:]) == f"Warning: {long.strip()}"
     assert len(lines) > 3
     assert max(text_width(line, 18) for line in lines) <= PREVIEW_WIDTH - 2 * _MARGIN
-    assert _warning_lines(outdoors()) == []
+    assert _note_lines(outdoors()) == []
 
 
 @pytest.mark.parametrize("suitable", [0.1, 0.9])
