@@ -446,12 +446,14 @@ def _sun_cost(library: _DetailLibrary, flipped: bool, sun_azimuth: float | None)
 
 @dataclass(frozen=True, eq=False)
 class _DetailPicture:
-    """A panorama of the library as it lies around the camera, as wide as a map but not as high."""
+    """A panorama of the library, as wide as a map but not as high, before it is rotated."""
 
-    pixels: NDArray[np.uint8]
-    """(R, 2H, 3) sRGB."""
+    picture: Pictures.Image
+    """sRGB, of as many columns as the map."""
     height: int
     """Rows of the map, H."""
+    rotation: int
+    """Columns of the map by which it is rotated to the right, 0 to 2H."""
 
     def columns(self, columns: slice) -> NDArray[np.uint8]:
         """Some columns (H, C, 3) of the map.
@@ -459,10 +461,16 @@ class _DetailPicture:
         Args:
             columns: of the map.
         """
-        if len(self.pixels) == self.height:
-            return self.pixels[:, columns]
-        part = Pictures.fromarray(np.ascontiguousarray(self.pixels[:, columns]))
-        return np.asarray(part.resize((part.width, self.height), _kernel(part.height, self.height)))
+        start, stop, width = columns.start - self.rotation, columns.stop - self.rotation, 2 * self.height
+        if start < 0 < stop:
+            return np.concatenate([self._part(start + width, width), self._part(0, stop)], axis=1)
+        return self._part(start + width, stop + width) if start < 0 else self._part(start, stop)
+
+    def _part(self, start: int, stop: int) -> NDArray[np.uint8]:
+        """Some columns (H, C, 3), counted before it is rotated."""
+        rows = self.picture.height
+        part = self.picture.crop((start, 0, stop, rows))
+        return np.asarray(part.resize((part.width, self.height), _kernel(rows, self.height)))
 
 
 def _detail_picture(
@@ -484,8 +492,8 @@ def _detail_picture(
         picture = ImageEnhance.Color(picture).enhance(saturation)
     if choice.flipped:
         picture = picture.transpose(Pictures.Transpose.FLIP_LEFT_RIGHT)
-    wide = np.asarray(picture.resize((2 * height, picture.height), _kernel(picture.height, height)))
-    return _DetailPicture(np.roll(wide, round(choice.yaw / 360.0 * 2 * height), axis=1), height)
+    wide = picture.resize((2 * height, picture.height), _kernel(picture.height, height))
+    return _DetailPicture(wide, height, round(choice.yaw / 360.0 * 2 * height) % (2 * height))
 
 
 def _kernel(rows: int, height: int) -> Pictures.Resampling:
