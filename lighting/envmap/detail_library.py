@@ -563,4 +563,4 @@ def _reduce(pixels: NDArray[np.uint8], height: int, columns: slice) -> NDArray[n
     rest = (height // step) * step
     first = columns.start + (step // 2 - columns.start) % step  # of the columns that count
     last = min(columns.stop, 2 * rest)
-    return pixels[step // 2 : rest : step, first - columns.start : max(last - columns.start, 0) : step]
+    return pixels[step // 2 : rest : step, first - columns.start : max(last - columns.start, 0) : step].copy()

@@ -45,6 +45,7 @@ from lighting.sky.clear_sky import LUX, sky_gradation, sky_lobe, sky_parameters,
 
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
 _TABLE_STEPS = 512  # of a row's table by that angle; values between its entries are interpolated
+_TABLE_ROWS = 256  # whose tables are kept at once
 _CHUNK_PIXELS = 1 << 14  # painted at once, few enough for the processor's cache
 _GLOW_STEPS, _PEAK_SHARE = 200, 0.9  # attempts to flatten a sun's glow, and what each leaves of its peak
 _MAX_PEAK = 500.0  # radiance of the brightest part of any sky over the irradiance of the ground
@@ -269,7 +270,7 @@ def _render_clear_sky(image: Image, lighting: Lighting) -> None:
     """Fill the upper half (H / 2, 2H, 3) of a map: a factor and an offset per row, a look-up of the lobe per pixel."""
     lobe = _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
     factor, offset = _row_terms(lighting, 2 * len(image))
-    for part, share in _sun_shares(image, lighting):
+    for part, share in _sun_shares(image, slice(0, len(image)), lighting):
         index = (share * np.float32(_LOBE_STEPS) + np.float32(0.5)).astype(np.intp)
         for channel in range(3):
             value = lobe[channel].take(index)
@@ -283,23 +284,31 @@ def _render_by_angles(image: Image, lighting: Lighting, by_angles: Callable[...,
     zenith = 90.0 - latlong_angles(2 * len(image))[1][: len(image)]
     steps = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
     sun_angle = np.degrees(2 * np.arctan2(steps, 1 - steps))
-    table = np.asarray(by_angles(zenith, sun_angle, lighting.sun_elevation, lighting.turbidity), dtype=np.float32)
+    for start in range(0, len(image), _TABLE_ROWS):
+        rows = slice(start, min(start + _TABLE_ROWS, len(image)))
+        table = by_angles(zenith[rows], sun_angle, lighting.sun_elevation, lighting.turbidity)
+        _look_up(image, rows, np.asarray(table, dtype=np.float32), lighting)
+
+
+def _look_up(image: Image, rows: slice, table: Image, lighting: Lighting) -> None:
+    """Fill some rows of the upper half (H / 2, 2H, 3) of a map by their tables (3, R, _TABLE_STEPS + 1)."""
     step = np.zeros_like(table)  # to the next entry; the last has none
     np.subtract(table[..., 1:], table[..., :-1], out=step[..., :-1])
-    for part, share in _sun_shares(image, lighting):
+    for part, share in _sun_shares(image, rows, lighting):
         share *= np.float32(_TABLE_STEPS)
         low = share.astype(np.intp)
         share -= low
         low += np.arange(len(low))[:, None] * (_TABLE_STEPS + 1)
+        tabled = slice(part.start - rows.start, part.stop - rows.start)
         for channel in range(3):
-            value = step[channel, part].take(low)
+            value = step[channel, tabled].take(low)
             value *= share
-            value += table[channel, part].take(low)
+            value += table[channel, tabled].take(low)
             image[part, :, channel] = value
 
 
-def _sun_shares(image: Image, lighting: Lighting) -> Iterator[tuple[slice, Image]]:
-    """Some rows at a time of the upper half (H / 2, 2H, 3) of a map, and their pixels' angles from the sun.
+def _sun_shares(image: Image, rows: slice, lighting: Lighting) -> Iterator[tuple[slice, Image]]:
+    """A few of some rows at a time of the upper half (H / 2, 2H, 3) of a map, and their pixels' angles from the sun.
 
     The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2). The row
     gives all but the last factor, and the column that one. This keeps its precision next to the sun. The angle is told
@@ -310,9 +319,9 @@ def _sun_shares(image: Image, lighting: Lighting) -> Iterator[tuple[slice, Image
     vertical = np.asarray(np.sin((np.radians(elevation) - sun) / 2) ** 2, dtype=np.float32)
     horizontal = np.asarray(np.cos(np.radians(elevation)) * math.cos(sun), dtype=np.float32)
     column = np.asarray(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2, dtype=np.float32)
-    rows = max(1, _CHUNK_PIXELS // image.shape[1])
-    for start in range(0, len(image), rows):
-        part = slice(start, min(start + rows, len(image)))
+    count = max(1, _CHUNK_PIXELS // image.shape[1])
+    for start in range(rows.start, rows.stop, count):
+        part = slice(start, min(start + count, rows.stop))
         # numpy clips at two ends in a third of the time that it takes at one
         sine2 = np.clip(vertical[part, None] + horizontal[part, None] * column, 0, 1)
         sine, cosine = np.sqrt(sine2), np.sqrt(1 - sine2)
