@@ -21,7 +21,7 @@ Image = NDArray[np.float32]
 
 MAX_RADIANCE = 65280.0  # of what is painted: 255 x 256, the largest value of RGBE up to 65504, where half floats end
 _BAND_PIXELS = 32  # rows or columns between few cells, that are interpolated at once
-_BLOCK_PIXELS = 1 << 20  # of a map that are worked on at once, where much is computed of each
+_BLOCK_PIXELS = 1 << 19  # of a map that are worked on at once, where much is computed of each
 _MIN_WEIGHT = 1e-20  # of a cell in a blur: sums of floats do not show less
 _BLOCK_STEP = 64  # columns of which blocks are multiples, so that products of matrices keep their bits
 
