@@ -2,8 +2,10 @@
 
 import { debounceLatest, fetchEnvmap } from "../api";
 import { byId } from "../dom";
+import type { SkyRequest } from "../sky/lighting";
 import { LIGHT_ROWS, type MapPicture } from "../sky/render";
 import { lightOverrides, type PhotoView, skyRequest } from "../state";
+import type { LightOverrides } from "../types";
 
 const REST = 350; // ms without a change of the light
 const PICTURE_ROWS = [256, 512] as const; // of the map for people, in narrow and in wide places
@@ -12,9 +14,12 @@ const NEARLY_IN_SIGHT = "200px";
 const SHOWN = "This is the map that you download. The photo's view is outlined.";
 const PENDING = "The service renders the map in this light…";
 
+/** A map of the light that a view had when it was asked for. */
 interface Wanted {
   view: PhotoView;
   key: string; // of the light
+  question: SkyRequest;
+  overrides: LightOverrides | undefined;
 }
 
 export class EnvmapView {
@@ -24,6 +29,7 @@ export class EnvmapView {
     REST,
     (error) => this.fail(error),
   );
+  private key = ""; // of the light on show
   private pending = ""; // what is being fetched
   private failed = ""; // what could not be
   private inSight = false;
@@ -46,13 +52,15 @@ export class EnvmapView {
   /** Whether the picture of the light on show is here; what is missing, and in sight, is fetched. */
   request(view: PhotoView): boolean {
     this.latest = view;
-    const key = JSON.stringify([view.photo.url, lightOverrides(view) ?? "estimate"]);
+    const overrides = lightOverrides(view);
+    const key = JSON.stringify([view.photo.url, overrides ?? "estimate"]);
+    this.key = key;
     if (view.exported?.key !== key) this.note(PENDING, true);
     const needed = `${key} ${this.needsLight(view, key)} ${this.needsPicture(view, key)}`;
     if (needed.endsWith("false false")) this.pending = "";
     else if (needed !== this.pending && needed !== this.failed) {
       this.pending = needed;
-      this.fetch({ view, key });
+      this.fetch({ view, key, question: skyRequest(view), overrides });
     }
     const picture = view.exported?.key === key ? view.exported.picture : undefined;
     if (picture) this.draw(picture);
@@ -73,22 +81,20 @@ export class EnvmapView {
     this.canvas.getContext("2d")?.putImageData(new ImageData(data, width, height), 0, 0);
   }
 
-  private async load({ view, key }: Wanted, signal: AbortSignal): Promise<void> {
-    const question = skyRequest(view);
-    const overrides = lightOverrides(view);
+  private async load({ view, key, question, overrides }: Wanted, signal: AbortSignal): Promise<void> {
     const get = (format: string, height: number): Promise<Blob> =>
       fetchEnvmap(view.photo.file, view.userInput, { format, height }, overrides, signal);
     if (this.needsLight(view, key)) {
       const { decodeHdr } = await import("../scene/stage");
       const map = await decodeHdr(await get("hdr", LIGHT_ROWS));
-      if (signal.aborted) return;
+      if (signal.aborted || key !== this.key) return;
       view.exported = { ...(view.exported?.key === key ? view.exported : {}), key, light: { map, question } };
       this.onLight(view);
     }
     if (this.needsPicture(view, key)) {
       const wide = this.canvas.getBoundingClientRect().width * devicePixelRatio > NARROW;
       const picture = await createImageBitmap(await get("png", PICTURE_ROWS[wide ? 1 : 0]));
-      if (signal.aborted) return;
+      if (signal.aborted || key !== this.key) return;
       view.exported = { ...(view.exported?.key === key ? view.exported : {}), key, picture };
       this.draw(picture);
     }
