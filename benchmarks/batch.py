@@ -118,6 +118,9 @@ def print_rates(size: tuple[int, int], count: int, workers: int, packages: Seque
     with make_different_photos(count, size) as photos:
         names = ["plain loop", "batch", *(f"batch of {package}" for package in packages[1:])]
         works = [partial(run_plain_loop, photos, workers), *(partial(run_batch, photos, workers, p) for p in packages)]
+        with make_different_photos(workers, size) as few:  # which compiles the modules
+            for package in packages:
+                run_batch(few, workers, package)
         turns = zip(*([work() for work in works] for _ in range(runs)), strict=True)
         print(f"\n{count} JPEGs of {size[0]} x {size[1]} that differ, {workers} workers, start included")
         print(f"{'':<30}{'a second':>9}{'share':>7}{'CPU ms':>8}{'share':>7}")

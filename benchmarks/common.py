@@ -100,6 +100,8 @@ class ProcessCost:
 def run_python(*arguments: object, package: Path = ROOT, folder: Path | None = None) -> ProcessCost:
     """Run Python in a process of its own, which has to be larger than this one for its peak; SystemExit if it fails.
 
+    Modules are kept compiled, as an installed wheel has them: the first run of a package takes longer.
+
     Args:
         arguments: of Python.
         package: folder of the `lighting` that it imports: a checkout, or an installed wheel.
@@ -107,6 +109,8 @@ def run_python(*arguments: object, package: Path = ROOT, folder: Path | None = N
     """
     command = [sys.executable, *map(str, arguments)]
     environment = {**os.environ, "PYTHONPATH": str(package)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    environment.setdefault("PYTHONPYCACHEPREFIX", str(Path(tempfile.gettempdir(), "benchmarks-bytecode")))
     started = time.perf_counter()
     process = subprocess.Popen(command, cwd=folder or package, env=environment, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

@@ -2,7 +2,7 @@
 
     python -m benchmarks.load [--seconds 60] [--beside PYTHON]
 
-1, 4, 16 and 64 clients send a 12-megapixel JPEG each, again and again, and wait for a 1024 x 512 EXR: requests per
+1, 4, 8, 16 and 64 clients send a 12-megapixel JPEG each, again and again, and wait for a 1024 x 512 EXR: requests per
 second, latency in milliseconds, and the processor time [ms] that a request costs the service with all its processes,
 which other work on the machine changes least. PYTHON is one with litserve, python-multipart and this project's
 requirements:
@@ -31,7 +31,7 @@ from pathlib import Path
 from benchmarks.clients import Job, Outcome, ask_for
 from benchmarks.common import ROOT, make_photo
 
-LEVELS = (1, 4, 16, 64)  # clients
+LEVELS = (1, 4, 8, 16, 64)  # clients
 EXR, RECORD = b"v/1\x01", b'{"model"'
 START = 60  # seconds
 HEAD = f"{'clients':>26}{'req/s':>8}{'p50':>9}{'p95':>9}{'p99':>9}{'replies':>9}{'CPU':>7}"
@@ -40,7 +40,7 @@ HEAD = f"{'clients':>26}{'req/s':>8}{'p50':>9}{'p95':>9}{'p99':>9}{'replies':>9}
 def main() -> None:
     """Measure and print."""
     options = _options()
-    share = options.seconds / (13 if options.beside else 8)  # of the time, for one level of one service
+    share = options.seconds / (16 if options.beside else 10)  # of the time, for one level of one service
     print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}, queue {options.queue}")
     with ExitStack() as stack:
         photo = stack.enter_context(_photo())
