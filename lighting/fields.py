@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+Json = dict[str, Any]  # an object of JSON, as it is read or written
+
 RANGES: dict[str, tuple[float, float]] = {
     "sun_azimuth": (-180.0, 180.0),  # deg, 0 = where the camera points, positive to the right
     "sun_elevation": (-4.2, 90.0),  # deg above the horizon; below it as far as the Prague sky reaches
@@ -309,7 +311,7 @@ _NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.it
 _COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 
 
-def nest_fields(values: Mapping[str, Any], sun_direction: "NDArray[np.floating]", trust: str) -> dict[str, Any]:
+def nest_fields(values: Json, sun_direction: "NDArray[np.floating]", trust: str) -> Json:
     """Return the JSON record of the fields of a Lighting, with `sun.direction` and `trust`, without what is unknown.
 
     Args:
@@ -317,7 +319,7 @@ def nest_fields(values: Mapping[str, Any], sun_direction: "NDArray[np.floating]"
         sun_direction: unit vector (3,).
         trust: the word for it.
     """
-    record: dict[str, Any] = {"model": {"name": values["model_name"], "version": values["model_version"]}}
+    record: Json = {"model": {"name": values["model_name"], "version": values["model_version"]}}
     for section, name, attribute in _NUMBERS:
         group = record.setdefault(section, {})
         if values[attribute] is not None:
@@ -351,7 +353,7 @@ def nest_fields(values: Mapping[str, Any], sun_direction: "NDArray[np.floating]"
     return record | {"trust": trust, "evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
 
 
-def flatten_record(record: Mapping[str, Any]) -> dict[str, Any]:
+def flatten_record(record: Mapping[str, Any]) -> Json:
     """Return the fields of a Lighting, by name, that a JSON record holds.
 
     Args:
@@ -365,7 +367,7 @@ def flatten_record(record: Mapping[str, Any]) -> dict[str, Any]:
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
     names = dict.fromkeys((*(section for section, _, _ in _NUMBERS), "model", "ground"))
     sections = {name: _section(record, name) for name in names}
-    values: dict[str, Any] = {attribute: sections[section].get(name) for section, name, attribute in _NUMBERS}
+    values: Json = {attribute: sections[section].get(name) for section, name, attribute in _NUMBERS}
     for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
         if values[name] is None:
             path = RECORD_PATHS[name]

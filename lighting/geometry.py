@@ -13,12 +13,13 @@ holder sees it, so that the horizon in the picture turns counter-clockwise. Fiel
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.floating[Any]]
+_Kind = TypeVar("_Kind", bound=np.generic)
+Floats = NDArray[np.floating]
 
 SUN_RADIUS = 0.2679  # deg, angular radius of the disc: half of 0.5358, as the Hosek-Wilkie sun has it
 MIN_STEEP_ELEVATION = 85.0  # deg of elevation, up or down, from which a camera has no roll
@@ -228,7 +229,7 @@ def camera_pixel(direction: ArrayLike, camera: Pinhole) -> Floats:
     return np.stack([0.5 * camera.width + focal * x / z, 0.5 * camera.height - focal * y / z], axis=-1)
 
 
-def sample_latlong(image: NDArray[Any], direction: ArrayLike) -> Floats:
+def sample_latlong(image: NDArray[np.number], direction: ArrayLike) -> Floats:
     """Sample a lat-long image bilinearly (..., C).
 
     It wraps at the seam; across a pole it continues on the opposite side. Directions of 32 bits are placed with 32
@@ -276,7 +277,7 @@ def _place_in_border(rays: Floats, height: int) -> tuple[NDArray[np.intp], NDArr
     return first, right_share, lower_share
 
 
-def _with_border(image: NDArray[Any]) -> NDArray[Any]:
+def _with_border(image: NDArray[_Kind]) -> NDArray[_Kind]:
     """The pixels ((H + 2) (2H + 2), C) of a lat-long image with those that lie beyond its edges."""
     height, width, channels = image.shape
     bordered = np.empty((height + 2, width + 2, channels), image.dtype)

@@ -23,9 +23,9 @@ from lighting.color import color_and_intensity, color_temperature, luminance, sr
 from lighting.envmap.render import level_irradiance, render, sun_light
 from lighting.envmap.surroundings import COARSE_ROWS, PhotoContext, render_coarse
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import round_all, round_significant
+from lighting.fields import Json, round_all, round_significant
 from lighting.geometry import Floats, direction, latlong_angles, latlong_solid_angle
-from lighting.records import Json, Lighting, LightProbe, MainLight, check_lighting
+from lighting.records import Lighting, LightProbe, MainLight, check_lighting
 from lighting.sky.clear_sky import LUX, sun_disc_points, sun_disc_radiance
 
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions

@@ -12,7 +12,7 @@ from numbers import Integral
 from typing import Any, Self, TypedDict
 
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
-from lighting.fields import RANGES, check_range, convert_numpy_numbers, describe_fields
+from lighting.fields import RANGES, Json, check_range, convert_numpy_numbers, describe_fields
 from lighting.sky import SKY_MODELS, format_sky_models
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
@@ -218,7 +218,7 @@ class MapOptions:
             height: rows of the map.
             keywords: the other options, as MapKeywords; old ones warn.
         """
-        values: dict[str, Any] = {**keywords}
+        values: Json = {**keywords}
         switches = {name: values.pop(name, None) for name in ("surroundings", "detail")}
         for name, value in switches.items():
             _check_flag(name, value, None)
@@ -229,7 +229,7 @@ class MapOptions:
         return cls(height, **values)
 
     @classmethod
-    def of_json(cls, values: Mapping[str, Any]) -> Self:
+    def of_json(cls, values: Json) -> Self:
         """Make options of an object of JSON, such as `dataclasses.asdict` makes.
 
         Args:

@@ -1,12 +1,17 @@
 """An ONNX file opened by onnxruntime on the CPU, and the one that a package holds."""
 
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from lighting.checksum import verify_checksum
 from lighting.errors import ModelError
 from lighting.runtime import available_cpus
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _ERRORS_ONLY = 3  # onnxruntime's scale of log severities
 
@@ -20,7 +25,30 @@ _SLOW = (
 OMITTED_CHANGES = (*_REORDERING, *_SLOW)  # of a graph, in a session for one run
 
 
-def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
+class _Port(Protocol):
+    @property
+    def name(self) -> str: ...
+    @property
+    def shape(self) -> Sequence[int | str | None]: ...
+
+
+class _Description(Protocol):
+    @property
+    def custom_metadata_map(self) -> Mapping[str, str]: ...
+
+
+class Session(Protocol):
+    """A network that onnxruntime, which has no types, has opened, as far as one is used here."""
+
+    def get_inputs(self) -> Sequence[_Port]: ...
+    def get_outputs(self) -> Sequence[_Port]: ...
+    def get_modelmeta(self) -> _Description: ...
+    def run(
+        self, names: Sequence[str] | None, feeds: Mapping[str, "NDArray[np.float32]"]
+    ) -> "list[NDArray[np.float32]]": ...
+
+
+def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Session:
     """Open an ONNX file in a session of onnxruntime on the CPU.
 
     Sessions for one run and for many add in one order, on any number of threads: both block the channels of
@@ -51,9 +79,12 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> An
     try:
         disabled = set(OMITTED_CHANGES if for_one_run else _REORDERING)
         providers = ["CPUExecutionProvider"]
-        return onnxruntime.InferenceSession(str(file), options, providers=providers, disabled_optimizers=disabled)
+        session: Session = onnxruntime.InferenceSession(
+            str(file), options, providers=providers, disabled_optimizers=disabled
+        )
     except Exception as error:  # onnxruntime's errors share no public base class
         raise ModelError(f"{file} is not an ONNX network that can be read: {describe_onnx_error(error)}") from error
+    return session
 
 
 def weights_path(network: Path) -> Path:

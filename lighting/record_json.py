@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.records import Json, Lighting, LightProbe
+from lighting.fields import Json
+from lighting.records import Lighting, LightProbe
 from lighting.sky.clear_sky import sky_coefficients
 
 MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
@@ -48,7 +49,7 @@ def json_line(
     return json.dumps({"file": name, **outputs, **content}, allow_nan=False)
 
 
-def reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> Json:
+def reject_duplicate_keys(pairs: list[tuple[str, object]]) -> Json:
     """Make an object of JSON, as `object_pairs_hook` of `json.loads`.
 
     Args:

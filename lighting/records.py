@@ -16,6 +16,7 @@ from lighting.fields import (
     COLOR_RANGES,
     PLAIN_RANGES,
     RANGES,
+    Json,
     check_range,
     convert_numpy_numbers,
     describe_fields,
@@ -29,7 +30,6 @@ from lighting.formatting import format_azimuth, format_sun_elevation
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
 
-Json = dict[str, Any]  # an object of JSON, as it is read or written
 Color = tuple[float, float, float]  # linear Rec.709
 
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too

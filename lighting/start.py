@@ -15,13 +15,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from lighting.errors import ModelError
 from lighting.runtime import ONE_BLAS_THREAD, keep_memory, reserve_heap
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ThreadPoolExecutor
+
+    from lighting.onnx_session import Session
 
 _BRIEF_COMMANDS = frozenset({"estimate", "envmap", "preview", "render"})  # that mostly end in less than a second
 _ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # that mostly run the network once
@@ -51,13 +53,13 @@ class StartedNetwork:
 
     thread: "ThreadPoolExecutor"
     """That loads it, and runs it."""
-    session: "Future[Any] | None"
+    session: "Future[Session] | None"
     """Of onnxruntime. None: it was taken."""
 
-    def take(self) -> Any:
+    def take(self) -> "Session | None":
         """Return the session, for one use, after which it is gone; None where it was taken."""
         session, self.session = self.session, None
-        return session and session.result()
+        return session.result() if session else None
 
 
 def start_network(command: str) -> StartedNetwork | None:

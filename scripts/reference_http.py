@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lighting.records import Json
+from lighting.fields import Json
 from scripts.markdown import WRITTEN, escape_marks, write_table
 from server.app import create_app
 from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD

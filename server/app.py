@@ -11,7 +11,7 @@ from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.routing import APIRoute
 
 from lighting.estimator import Estimator
-from lighting.records import Json
+from lighting.fields import Json
 from lighting.runtime import ONE_BLAS_THREAD
 from lighting.version import __version__
 from server import job_routes, middleware, pages, problems, routes

@@ -22,11 +22,11 @@ from typing import Any, BinaryIO, TypeVar
 
 from lighting.confinement import confine_to_folder
 from lighting.errors import ErrorCode, LightingError, VideoError
+from lighting.fields import Json
 from lighting.files import FileOptions, escape_undecodable
 from lighting.fusion.user_input import UserInput
 from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
 from lighting.onnx_session import weights_path
-from lighting.records import Json
 from lighting.runtime import begin_helper, limit_address_space
 from lighting.tracing import listen_to_steps, trace_step
 

@@ -14,9 +14,9 @@ from fastapi.responses import FileResponse, JSONResponse
 from pydantic import Field, model_validator
 
 from lighting.color import DECODE_CURVES
+from lighting.fields import Json
 from lighting.fusion.user_input import UserInput
 from lighting.map_options import Around
-from lighting.records import Json
 from lighting.scene import animated_tools
 from server import field_types as types
 from server import problems

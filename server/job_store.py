@@ -25,7 +25,7 @@ from anyio import CancelScope, CapacityLimiter, to_thread
 from pydantic import Field, TypeAdapter
 
 from lighting.errors import describe_error
-from lighting.records import Json
+from lighting.fields import Json
 from server.job_kinds import JOB_KINDS, RESULT_FILE, UPLOAD_STEM
 from server.limits import BusyError, Client, ShareTakenError, Tally
 from server.settings import PREFIX, SettingsError

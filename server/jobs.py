@@ -21,7 +21,7 @@ from anyio import CancelScope, Event, get_cancelled_exc_class, move_on_after, sl
 from pydantic import BaseModel, Field, ValidationError
 
 from lighting.errors import ErrorCode
-from lighting.records import Json
+from lighting.fields import Json
 from lighting.runtime import process_seconds, start_python
 from server.job_kinds import MAX_WARNINGS, MAX_WORDS
 from server.job_store import MAX_ATTEMPTS, JobState, JobStore, StoredJob

@@ -24,13 +24,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 import lighting.scene.writer as writer
 from lighting.errors import LightingError, describe_error
 from lighting.estimator import Estimator
+from lighting.fields import Json
 from lighting.files import encode_jpeg, is_address
 from lighting.map_options import MapOptions
 from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
 from lighting.photo.sidecars import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.photo_estimate import Estimate
-from lighting.records import MIN_SUITABLE, SURE_RADIUS, EvidenceKind, Json, Lighting, Trust
+from lighting.records import MIN_SUITABLE, SURE_RADIUS, EvidenceKind, Lighting, Trust
 from lighting.scene import EXPORTERS
 from lighting.version import __version__
 from server.query_params import (

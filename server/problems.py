@@ -16,8 +16,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Scope
 
 from lighting.errors import FOREIGN_NAMES, ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
-from lighting.fields import parameter_name
-from lighting.records import Json
+from lighting.fields import Json, parameter_name
 from server.limits import BusyError, ShareTakenError, TooManyUploadsError
 
 MEDIA_TYPE = "application/problem+json"

@@ -11,14 +11,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model,
 from pydantic_core import PydanticCustomError
 
 from lighting.errors import OLD_NAMES, SHORT_FORMS, ErrorCode, ParameterError
-from lighting.fields import parameter_name
+from lighting.fields import Json, parameter_name
 from lighting.files import FileOptions
 from lighting.fusion.fspy import read_fspy
 from lighting.fusion.user_input import DRAWN_FIELDS, UserInput, check_headings, read_headings
 from lighting.light_probe import LIGHT_PROBE_FORMATS
 from lighting.map_options import Adjustments, Around, MapOptions, around_of_switches, option_texts
 from lighting.photo.reader import MIN_SIDE
-from lighting.records import GROUND_ALBEDO, Color, Json, Lighting
+from lighting.records import GROUND_ALBEDO, Color, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
 from lighting.scene.records import PLATE_SIDE
 from lighting.sun_study import STEP_RANGE

@@ -10,12 +10,12 @@ from fastapi import Request, Response
 from fastapi.responses import JSONResponse
 
 from lighting.envmap.latlong import Image
-from lighting.fields import COLOR_RANGES, round_all
+from lighting.fields import COLOR_RANGES, Json, round_all
 from lighting.geometry import angles
 from lighting.photo.metadata import PhotoMetadata
 from lighting.prediction import SunDistribution
 from lighting.record_json import record_with_coefficients
-from lighting.records import Json, Lighting
+from lighting.records import Lighting
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
 from lighting.warning_codes import warning_code

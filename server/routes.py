@@ -14,11 +14,12 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
+from lighting.fields import Json
 from lighting.files import MAP_FORMATS
 from lighting.model import METRICS
 from lighting.prediction import ModelSpec
 from lighting.record_json import record_with_coefficients
-from lighting.records import Json, Lighting
+from lighting.records import Lighting
 from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS

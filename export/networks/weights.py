@@ -17,9 +17,9 @@ from export.data.panoramas import DataError
 from export.networks.outdoor import build_network, load_weights
 from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.vision_transformer import WHEEL
+from lighting.fields import Json
 from lighting.files import atomic_write
 from lighting.prediction import ModelSpec
-from lighting.records import Json
 
 RUN_RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
 CHECKPOINT = "checkpoint.pt"

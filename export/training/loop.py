@@ -59,9 +59,9 @@ from export.training.dataset import (
     training_panoramas,
     training_photos,
 )
+from lighting.fields import Json
 from lighting.files import atomic_write, stale_temporaries
 from lighting.prediction import ModelSpec
-from lighting.records import Json
 
 # What training minimizes.
 

@@ -21,8 +21,8 @@ from export.data.panoramas import DataError
 from export.networks.outdoor import HEADS, Outdoor, build_network
 from export.networks.weights import check_new, write_run
 from export.training.dataset import TrainConfig, TrainingCrops, training_panoramas
+from lighting.fields import Json
 from lighting.prediction import ModelSpec
-from lighting.records import Json
 
 _GROUPS = ("networks", "suns", "cameras")  # in the order in which a file's networks are numbered
 _CROPS = 768  # that the statistics are taken from

@@ -19,9 +19,9 @@ from lighting.batch.photo_search import PHOTO_SUFFIXES, find_photos, is_set_asid
 from lighting.batch.pool import FOREIGN_MAP
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE, has_lights, table_row, table_schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
+from lighting.fields import Json
 from lighting.files import escape_undecodable, is_own_map
 from lighting.photo.sidecars import MAX_SIDECAR_BYTES, read_sidecar
-from lighting.records import Json
 
 _EXTRA = ("The engine ray needs Ray and pyarrow", "ray")
 

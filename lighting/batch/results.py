@@ -16,8 +16,9 @@ from types import NoneType, UnionType
 from typing import Any, BinaryIO, get_args, get_origin
 
 from lighting.errors import BatchError, ParameterError, require_extra
+from lighting.fields import Json
 from lighting.files import atomic_write, escape_undecodable
-from lighting.records import Json, Lighting, SunCandidate
+from lighting.records import Lighting, SunCandidate
 
 SETTINGS = "batch.json"
 JOURNAL = "lighting.jsonl"
@@ -165,7 +166,7 @@ def _lock(file: BinaryIO, path: Path) -> None:
 
 
 def table_row(
-    name: str, light: Lighting | str, crop: Mapping[str, int] | None = None, probe: Mapping[str, Any] | None = None
+    name: str, light: Lighting | str, crop: Mapping[str, int] | None = None, probe: Mapping[str, object] | None = None
 ) -> Json:
     """Make the row of a photo.
 

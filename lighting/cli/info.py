@@ -43,10 +43,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from lighting.fields import Json
     from lighting.photo.metadata import PhotoMetadata
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
-    from lighting.records import Json, Lighting
+from lighting.records import Lighting
 
 
 @cli.command(

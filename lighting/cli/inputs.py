@@ -168,7 +168,7 @@ headings_option = click.option(
 def _options(*names: str) -> Decorator:
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
-        def with_user_input(*args: Any, **options: Any) -> None:
+        def with_user_input(*args: object, **options: Any) -> None:
             from lighting.fusion.user_input import UserInput
 
             values = {name: options.pop(name) for name in names}
@@ -244,7 +244,7 @@ def photo_options(*names: str) -> Decorator:
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
-        def with_chosen(*args: Any, **options: Any) -> None:
+        def with_chosen(*args: object, **options: Any) -> None:
             chosen = PhotoOptions(**{field.name: options.pop(field.name) for field in fields(PhotoOptions)})
             command(*args, chosen=chosen, **options)
 

@@ -30,7 +30,7 @@ class Number(click.types.FloatParamType):
         """
         self.example = example
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Read a number; BadParameter for what is none.
 
         Args:
@@ -53,7 +53,7 @@ def _check_finite(_ctx: click.Context | None, _param: click.Parameter | None, va
 class FiniteRange(click.FloatRange):
     """A range that nan is not in, which no comparison keeps out."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Read a number; BadParameter for what is none, or out of the range.
 
         Args:
@@ -71,7 +71,7 @@ class FileName(click.ParamType):  # type: ignore[type-arg]  # as below
 
     name = "file"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the name; BadParameter for an address in the web.
 
         Args:
@@ -115,7 +115,7 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
         """
         return f"Type {param.opts[0]} and one of {', '.join(self.choices)}."
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Read a name; BadParameter for another one, with a similar one if there is any.
 
         Args:
@@ -124,11 +124,12 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
             ctx: of click.
         """
         try:
-            return super().convert(value, param, ctx)
+            name: str = super().convert(value, param, ctx)
         except click.BadParameter as error:
             self.refuse(error.message, value, param, ctx)
+        return name
 
-    def refuse(self, sentence: str, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> NoReturn:
+    def refuse(self, sentence: str, value: str, param: click.Parameter | None, ctx: click.Context | None) -> NoReturn:
         """Raise BadParameter, with a similar name if there is any.
 
         Args:

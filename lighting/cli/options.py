@@ -42,7 +42,7 @@ class _Compression(RegistryChoice):
     def __init__(self) -> None:
         super().__init__(_FILE_TEXTS["compression"].choices or tuple)
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         from lighting.files.exr import check_exr_compression
 
         try:
@@ -61,7 +61,7 @@ _MAP_TEXTS, _FILE_TEXTS = option_texts(MapOptions), option_texts(FileOptions)
 def _text_option(name: str, text: OptionText, default: object) -> Decorator:
     """The option of a field, by what people read of it everywhere."""
     names = f"--{name}/--no-{name}" if default is True else f"--{name}"
-    kind: Any = None
+    kind: RegistryChoice | Number | type[int] | None = None
     if name == "compression":
         kind = _Compression()
     elif text.choices is not None:
@@ -170,7 +170,7 @@ def map_options(*names: str, without_detail: str = Around.PHOTO.value) -> Decora
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
-        def with_view(*args: Any, **values: Any) -> None:
+        def with_view(*args: object, **values: Any) -> None:
             fields_of = {name: values.pop(name) for name in names if name != "adjustments"}
             if "around" in names:
                 old = around_of_switches(values.pop("surroundings"), values.pop("detail"), without_detail)
@@ -202,7 +202,7 @@ def file_options(*names: str) -> Decorator:
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
-        def with_file(*args: Any, **values: Any) -> None:
+        def with_file(*args: object, **values: Any) -> None:
             with usage_errors():
                 file = FileOptions(**{name: values.pop(name) for name in names})
             command(*args, file=file, **values)

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from lighting.fields import Json
     from lighting.fusion.user_input import UserInput
     from lighting.probe.bracket import Bracket, BracketFiles
     from lighting.probe.develop import BracketSettings, Moment, Probe
     from lighting.probe.sky_fit import SkyState
-    from lighting.records import Json
 
 PROBE_KINDS = ("equidistant", "equisolid", "ball", "latlong")
 

@@ -22,8 +22,9 @@ from lighting.map_options import Around
 from lighting.scene import EXPORTERS, animated_tools
 
 if TYPE_CHECKING:
+    from lighting.fields import Json
     from lighting.fusion.user_input import UserInput
-    from lighting.records import Json, Lighting
+    from lighting.records import Lighting
     from lighting.video.output import VideoResult
     from lighting.video.shot import Shot
 

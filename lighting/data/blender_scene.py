@@ -10,6 +10,8 @@ Blender 5.0, else that of Hosek and Wilkie. A new scene has the collections of G
 photo's shade, the sun lights the collection "Lit by the Sun" alone, which holds the ground.
 """
 
+from __future__ import annotations
+
 import json
 import math
 import sys
@@ -60,7 +62,7 @@ def _script_folder() -> Path:
     return Path(bpy.path.abspath(text.filepath) if text and text.filepath else __file__).resolve().parent
 
 
-def build_scene(numbers: Json, folder: Path, scene: Any = None) -> Any:
+def build_scene(numbers: Json, folder: Path, scene: bpy.types.Scene | None = None) -> bpy.types.Scene:
     """The scene of the photo; a compositor that it has stays as it is.
 
     Args:
@@ -94,13 +96,13 @@ def build_scene(numbers: Json, folder: Path, scene: Any = None) -> Any:
     return scene
 
 
-def _load_image(path: Path, color_space: str) -> Any:
+def _load_image(path: Path, color_space: str) -> bpy.types.Image:
     image = bpy.data.images.load(str(path), check_existing=True)
     image.colorspace_settings.name = color_space
     return image
 
 
-def _set_up_render(scene: Any, numbers: Json) -> None:
+def _set_up_render(scene: bpy.types.Scene, numbers: Json) -> None:
     """Cycles over a transparent film, and a view transform that leaves the plate's values as they are."""
     bpy.ops.preferences.addon_enable(module="cycles")
     scene.render.engine = "CYCLES"
@@ -116,7 +118,9 @@ def _set_up_render(scene: Any, numbers: Json) -> None:
     scene.view_settings.exposure, scene.view_settings.gamma = 0.0, 1.0
 
 
-def _add_object(home: Any, name: str, data: Any, parent: Any = None) -> Any:
+def _add_object(
+    home: bpy.types.Collection, name: str, data: bpy.types.ID | None, parent: bpy.types.Object | None = None
+) -> bpy.types.Object:
     """An object in a collection."""
     made = bpy.data.objects.new(name, data)
     home.objects.link(made)
@@ -124,7 +128,7 @@ def _add_object(home: Any, name: str, data: Any, parent: Any = None) -> Any:
     return made
 
 
-def _add_camera(home: Any, numbers: Json, plate: Any) -> Any:
+def _add_camera(home: bpy.types.Collection, numbers: Json, plate: bpy.types.Image) -> bpy.types.Object:
     data = bpy.data.cameras.new("Camera")
     data.sensor_fit = "VERTICAL"
     data.sensor_width, data.sensor_height = numbers["sensor"]
@@ -137,7 +141,7 @@ def _add_camera(home: Any, numbers: Json, plate: Any) -> Any:
     return camera
 
 
-def _add_sun_lamp(home: Any, numbers: Json) -> Any:
+def _add_sun_lamp(home: bpy.types.Collection, numbers: Json) -> bpy.types.Object:
     data = bpy.data.lights.new("Sun", "SUN")
     data.angle = math.radians(numbers["angle"])
     sun = _add_object(home, "Sun", data)
@@ -145,7 +149,7 @@ def _add_sun_lamp(home: Any, numbers: Json) -> Any:
     return sun
 
 
-def aim_sun(sun: Any, numbers: Json) -> None:
+def aim_sun(sun: bpy.types.Object, numbers: Json) -> None:
     """Aim the sun and give it its light.
 
     Args:
@@ -157,7 +161,7 @@ def aim_sun(sun: Any, numbers: Json) -> None:
     sun.location = [10.0 * value for value in numbers["direction"]]  # where to find it; a sun shines from everywhere
 
 
-def _make_world(numbers: Json, environment: Any) -> Any:
+def _make_world(numbers: Json, environment: bpy.types.Image) -> bpy.types.World:
     """The map and, to blend to, Blender's own sky."""
     world = bpy.data.worlds.new("Sky of the photo")
     nodes, links = _clear_nodes(world)
@@ -174,7 +178,9 @@ def _make_world(numbers: Json, environment: Any) -> Any:
     return world
 
 
-def _environment_background(nodes: Any, links: Any, environment: Any, yaw: float) -> Any:
+def _environment_background(
+    nodes: bpy.types.Nodes, links: bpy.types.NodeLinks, environment: bpy.types.Image, yaw: float
+) -> bpy.types.NodeSocket:
     coordinates, mapping = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
     mapping.inputs["Rotation"].default_value[2] = math.radians(yaw)
     texture, background = nodes.new("ShaderNodeTexEnvironment"), nodes.new("ShaderNodeBackground")
@@ -185,14 +191,14 @@ def _environment_background(nodes: Any, links: Any, environment: Any, yaw: float
     return background.outputs[0]
 
 
-def _native_background(nodes: Any, links: Any, numbers: Json) -> Any:
+def _native_background(nodes: bpy.types.Nodes, links: bpy.types.NodeLinks, numbers: Json) -> bpy.types.NodeSocket:
     sky, background = nodes.new("ShaderNodeTexSky"), nodes.new("ShaderNodeBackground")
     links.new(sky.outputs[0], background.inputs["Color"])
     aim_native_sky(sky, numbers)
     return background.outputs[0]
 
 
-def aim_native_sky(sky: Any, numbers: Json) -> None:
+def aim_native_sky(sky: bpy.types.Node, numbers: Json) -> None:
     """Give Blender's own sky the sun and the air, and the node behind it the strength.
 
     Args:
@@ -237,7 +243,7 @@ def _scattered_luminance(elevation: float, aerosols: float) -> float:
     return values[after - 1] + along * (values[after] - values[after - 1])
 
 
-def _clear_nodes(owner: Any) -> tuple[Any, Any]:
+def _clear_nodes(owner: bpy.types.World | bpy.types.Material) -> tuple[bpy.types.Nodes, bpy.types.NodeLinks]:
     """Nodes and links of a world or a material."""
     if owner.node_tree is None:
         owner.use_nodes = True
@@ -245,13 +251,13 @@ def _clear_nodes(owner: Any) -> tuple[Any, Any]:
     return owner.node_tree.nodes, owner.node_tree.links
 
 
-def _arrange_nodes(nodes: Any) -> None:
+def _arrange_nodes(nodes: bpy.types.Nodes) -> None:
     """Side by side, in the order in which they were made."""
     for index, node in enumerate(nodes):
         node.location = (220.0 * (index % 4), -320.0 * (index // 4))
 
 
-def _diffuse_material(name: str, albedo: list[float]) -> Any:
+def _diffuse_material(name: str, albedo: list[float]) -> bpy.types.Material:
     material = bpy.data.materials.new(name)
     nodes, links = _clear_nodes(material)
     surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
@@ -261,7 +267,7 @@ def _diffuse_material(name: str, albedo: list[float]) -> Any:
     return material
 
 
-def _add_ground(home: Any, numbers: Json) -> Any:
+def _add_ground(home: bpy.types.Collection, numbers: Json) -> bpy.types.Object:
     reach = numbers["radius"]
     mesh = bpy.data.meshes.new("Ground")
     corners = [(-reach, -reach, 0.0), (reach, -reach, 0.0), (reach, reach, 0.0), (-reach, reach, 0.0)]
@@ -272,7 +278,7 @@ def _add_ground(home: Any, numbers: Json) -> Any:
     return ground
 
 
-def _keep_sun_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
+def _keep_sun_from_object(sun: bpy.types.Object, ground: bpy.types.Object, shade: list[float]) -> None:
     """Let the sun light the ground alone, and the ground light the object as ground in shade does.
 
     Shadows on the ground stay, since the camera sees the ground as it was. `shade` is the sky's share of open ground's
@@ -292,7 +298,7 @@ def _keep_sun_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
     _arrange_nodes(tree.nodes)
 
 
-def _add_placeholder(home: Any, numbers: Json) -> None:
+def _add_placeholder(home: bpy.types.Collection, numbers: Json) -> None:
     """A ball and a stick under an empty at the spot for one's own object."""
     material = _diffuse_material("Placeholder", numbers["albedo"])
     spot = _add_object(home, "Your object here", None)
@@ -306,12 +312,12 @@ def _add_placeholder(home: Any, numbers: Json) -> None:
         _add_object(home, name, mesh, spot).location = location
 
 
-def _ball_mesh(radius: float) -> Any:
+def _ball_mesh(radius: float) -> bpy.types.Mesh:
     profile = [(radius * math.sin(t), -radius * math.cos(t)) for t in _steps(math.pi, 48)]
     return _revolved_mesh("Ball", profile, 96, smooth=True)
 
 
-def _stick_mesh(radius: float, height: float) -> Any:
+def _stick_mesh(radius: float, height: float) -> bpy.types.Mesh:
     return _revolved_mesh("Stick", [(0.0, 0.0), (radius, 0.0), (radius, height), (0.0, height)], 32, smooth=False)
 
 
@@ -319,7 +325,7 @@ def _steps(end: float, count: int) -> list[float]:
     return [end * index / count for index in range(count + 1)]
 
 
-def _revolved_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, smooth: bool) -> Any:
+def _revolved_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, smooth: bool) -> bpy.types.Mesh:
     """The surface that a profile of (radius, height) makes when it is turned about the vertical."""
     angles = [2 * math.pi * spoke / spokes for spoke in range(spokes)]
     points = [(r * math.cos(angle), r * math.sin(angle), z) for r, z in profile for angle in angles]
@@ -335,7 +341,7 @@ def _revolved_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *
     return mesh
 
 
-def _composite_over(scene: Any, plate: Any, lit: Any, shade: list[float]) -> None:
+def _composite_over(scene: bpy.types.Scene, plate: bpy.types.Image, lit: bpy.types.Image, shade: list[float]) -> None:
     """The plate, stretched to the render's size and times the coloured shadow on the ground; over it the object.
 
     `lit` shows where the plate's ground lies in sunlight; `shade` is the sky's share of open ground's light.
@@ -354,7 +360,7 @@ def _composite_over(scene: Any, plate: Any, lit: Any, shade: list[float]) -> Non
     _arrange_nodes(nodes)
 
 
-def _fit_image(tree: Any, image: Any) -> Any:
+def _fit_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.NodeSocket:
     """An image, stretched to the render's size."""
     picture, fit = tree.nodes.new("CompositorNodeImage"), tree.nodes.new("CompositorNodeScale")
     picture.image = image
@@ -363,7 +369,9 @@ def _fit_image(tree: Any, image: Any) -> Any:
     return fit.outputs["Image"]
 
 
-def _shadow_on(tree: Any, shadow: Any, lit: Any, shade: tuple[float, ...]) -> Any:
+def _shadow_on(
+    tree: bpy.types.NodeTree, shadow: bpy.types.NodeSocket, lit: bpy.types.NodeSocket, shade: tuple[float, ...]
+) -> bpy.types.NodeSocket:
     """The shadow on ground that the sun lights as far as `lit` says: it takes no sun from ground that has none.
 
     What a shadow leaves up to `shade` counts as the sky's light, and what it leaves beyond as the sun's.
@@ -374,7 +382,13 @@ def _shadow_on(tree: Any, shadow: Any, lit: Any, shade: tuple[float, ...]) -> An
     return _blend(tree, "DIVIDE", left, _blend(tree, "MIX", shade, (1.0, 1.0, 1.0, 1.0), lit))
 
 
-def _blend(tree: Any, kind: str, a: Any, b: Any, share: Any = 1.0) -> Any:
+def _blend(
+    tree: bpy.types.NodeTree,
+    kind: str,
+    a: bpy.types.NodeSocket | tuple[float, ...],
+    b: bpy.types.NodeSocket | tuple[float, ...],
+    share: bpy.types.NodeSocket | float = 1.0,
+) -> bpy.types.NodeSocket:
     """Two pictures or colours (4,) in one; `share` is how much of the blend replaces the first."""
     shared = bpy.app.version >= (5, 0, 0) or tree.type == "SHADER"
     mix = tree.nodes.new("ShaderNodeMix" if shared else "CompositorNodeMixRGB")
@@ -391,7 +405,7 @@ def _blend(tree: Any, kind: str, a: Any, b: Any, share: Any = 1.0) -> Any:
     return next(socket for socket in mix.outputs if socket.type == "RGBA")
 
 
-def has_compositor(scene: Any) -> bool:
+def has_compositor(scene: bpy.types.Scene) -> bool:
     """Whether the scene's pictures go through nodes already.
 
     Args:
@@ -402,7 +416,7 @@ def has_compositor(scene: Any) -> bool:
     return scene.use_nodes and scene.node_tree is not None and len(scene.node_tree.nodes) > 0
 
 
-def _compositor(scene: Any) -> tuple[Any, Any]:
+def _compositor(scene: bpy.types.Scene) -> tuple[bpy.types.NodeTree, bpy.types.Node]:
     """The scene's node tree and the node that takes the picture; they changed in Blender 5."""
     if hasattr(scene, "compositing_node_group"):
         tree = bpy.data.node_groups.new("Over the plate", "CompositorNodeTree")
@@ -414,7 +428,7 @@ def _compositor(scene: Any) -> tuple[Any, Any]:
     return scene.node_tree, scene.node_tree.nodes.new("CompositorNodeComposite")
 
 
-def _fit_to_render(node: Any) -> None:
+def _fit_to_render(node: bpy.types.Node) -> None:
     if "Type" in node.inputs:
         node.inputs["Type"].default_value = "Render Size"
     else:

@@ -7,10 +7,13 @@ The light is that of scene.py and stands still; the camera has a key frame for e
 behind it.
 """
 
+from __future__ import annotations
+
 import importlib.util
 import json
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -30,7 +33,7 @@ def _main() -> None:
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"), relative_remap=True)
 
 
-def _load(path: Path) -> Any:
+def _load(path: Path) -> ModuleType:
     """The module in a file."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
@@ -40,7 +43,7 @@ def _load(path: Path) -> Any:
     return module
 
 
-def _move_camera(scene: Any, numbers: Json, folder: Path) -> None:
+def _move_camera(scene: bpy.types.Scene, numbers: Json, folder: Path) -> None:
     """Key frames for the camera, and the clip behind it."""
     camera, frames = scene.camera, numbers["frames"]
     camera.rotation_mode = "QUATERNION"
@@ -60,7 +63,7 @@ def _move_camera(scene: Any, numbers: Json, folder: Path) -> None:
     scene.frame_set(1)
 
 
-def _hang_clip(scene: Any, numbers: Json, folder: Path) -> None:
+def _hang_clip(scene: bpy.types.Scene, numbers: Json, folder: Path) -> None:
     """The clip in place of the still plate, where it lies where it lay."""
     path = (folder / numbers["clip"]).resolve()
     if not path.is_file():
@@ -72,7 +75,7 @@ def _hang_clip(scene: Any, numbers: Json, folder: Path) -> None:
     _composite_clip_over(scene, clip)
 
 
-def _composite_clip_over(scene: Any, clip: Any) -> None:
+def _composite_clip_over(scene: bpy.types.Scene, clip: bpy.types.MovieClip) -> None:
     """The clip in place of the still plate in what is rendered, too."""
     tree = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.node_tree
     plate = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeImage")

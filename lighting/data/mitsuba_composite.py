@@ -14,8 +14,10 @@ from xml.etree import ElementTree
 
 import mitsuba
 import numpy as np
+from numpy.typing import NDArray
 
 mi: Any = mitsuba
+Pixels = NDArray[np.float32]
 
 _FOLDER = Path(__file__).resolve().parent
 FALLBACK = "scalar_rgb"  # the variant that runs everywhere
@@ -53,15 +55,16 @@ def _try(variant: str) -> None:
         sys.exit(f"Mitsuba's variant {variant} does not run here: {reason} Use {FALLBACK}, which needs no LLVM.")
 
 
-def _linear(picture: Any) -> Any:
+def _linear(picture: "mitsuba.Bitmap") -> Pixels:
     return np.array(picture.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False))
 
 
-def _lit_ground(width: int, height: int) -> Any:
+def _lit_ground(width: int, height: int) -> Pixels:
     """How much of the sun reaches the photo's ground (H, W, 1), 0 to 1."""
     values = np.array(mi.Bitmap(str(_FOLDER / "lit_ground.png"))).astype(np.float32) / 255
     fitted = mi.Bitmap(values.reshape(*values.shape[:2], 1)).resample([width, height])
-    return np.clip(np.array(fitted).reshape(height, width, 1), 0, 1)
+    lit: Pixels = np.clip(np.array(fitted).reshape(height, width, 1), 0, 1)
+    return lit
 
 
 def _sun_on_object() -> float:
@@ -70,13 +73,13 @@ def _sun_on_object() -> float:
     return next(float(part.attrib["value"]) for part in root.iter("default") if part.get("name") == "sun_on_object")
 
 
-def _sky_and_sun(samples: int, *parts: str) -> tuple[Any, Any]:
+def _sky_and_sun(samples: int, *parts: str) -> tuple[Pixels, Pixels]:
     """Linear pixels (H, W, 3) of a scene of these files without the sun, and what the sun adds to them."""
     sky = _render(samples, *parts, sun_radiance="0 0 0")[..., :3]
     return sky, _render(samples, *parts)[..., :3] - sky
 
 
-def _render(samples: int, *parts: str, **values: str) -> Any:
+def _render(samples: int, *parts: str, **values: str) -> Pixels:
     """Linear pixels (H, W, 4) of a scene of these files; the same seed gives what they share the same noise."""
     names = "".join(f'<include filename="{_FOLDER / part}"/>' for part in parts)
     scene = mi.load_string(f'<scene version="3.0.0">{names}</scene>', samples=samples, **values)

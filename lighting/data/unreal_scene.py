@@ -5,6 +5,8 @@ folder LightFromPhoto in the Outliner. Running it again replaces the photo's ass
 centimeters; +Z is up, the photo's camera looks along +X.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,7 +61,7 @@ def _warn_of_other_lights() -> None:
 # Assets
 
 
-def _import_picture(path: Path) -> Any:
+def _import_picture(path: Path) -> unreal.Texture:
     """The asset that a picture becomes; a lat-long .hdr becomes a cubemap."""
     task = unreal.AssetImportTask()
     task.set_editor_property("filename", str(path))
@@ -71,7 +73,7 @@ def _import_picture(path: Path) -> Any:
     return library.load_asset(f"{_ASSETS}/{path.stem}")
 
 
-def _import_plain(path: Path) -> Any:
+def _import_plain(path: Path) -> unreal.Texture:
     """The same, neither compressed nor scaled."""
     texture = _import_picture(path)
     texture.set_editor_property("compression_settings", unreal.TextureCompressionSettings.TC_EDITOR_ICON)
@@ -80,13 +82,13 @@ def _import_plain(path: Path) -> Any:
     return texture
 
 
-def _new_material(name: str) -> Any:
+def _new_material(name: str) -> unreal.Material:
     if library.does_asset_exist(f"{_ASSETS}/{name}"):
         library.delete_asset(f"{_ASSETS}/{name}")
     return tools.create_asset(name, _ASSETS, unreal.Material, unreal.MaterialFactoryNew())
 
 
-def _projected_material(name: str, albedo: Any, emission: Any) -> Any:
+def _projected_material(name: str, albedo: unreal.Texture | None, emission: unreal.Texture) -> unreal.Material:
     """Pictures in their places in the viewport, as surface and as light; without an albedo it takes no light."""
     material = _new_material(name)
     place = editing.create_material_expression(material, unreal.MaterialExpressionScreenPosition, -600, 0)
@@ -108,7 +110,7 @@ def _projected_material(name: str, albedo: Any, emission: Any) -> Any:
     return material
 
 
-def _plain_material(name: str, albedo: float) -> Any:
+def _plain_material(name: str, albedo: float) -> unreal.Material:
     material = _new_material(name)
     color = editing.create_material_expression(material, unreal.MaterialExpressionConstant3Vector, -300, 0)
     color.set_editor_property("constant", unreal.LinearColor(albedo, albedo, albedo, 1.0))
@@ -118,7 +120,7 @@ def _plain_material(name: str, albedo: float) -> Any:
     return material
 
 
-def _make_diffuse(material: Any) -> None:
+def _make_diffuse(material: unreal.Material) -> None:
     for value, target in ((1.0, unreal.MaterialProperty.MP_ROUGHNESS), (0.0, unreal.MaterialProperty.MP_SPECULAR)):
         constant = editing.create_material_expression(material, unreal.MaterialExpressionConstant, -300, 300)
         constant.set_editor_property("r", value)
@@ -128,7 +130,9 @@ def _make_diffuse(material: Any) -> None:
 # Actors
 
 
-def _spawn(kind: Any, label: str, location: Numbers, rotation: Numbers = (0.0, 0.0, 0.0)) -> Any:
+def _spawn(
+    kind: type[unreal.Actor], label: str, location: Numbers, rotation: Numbers = (0.0, 0.0, 0.0)
+) -> unreal.Actor:
     """An actor; its rotation is roll, pitch and yaw."""
     roll, pitch, yaw = rotation
     actor = actors.spawn_actor_from_class(
@@ -156,7 +160,7 @@ def _add_sun(numbers: Json) -> None:
     light.set_editor_property("affects_world", numbers["on"])
 
 
-def _add_sky(cubemap: Any, numbers: Json) -> None:
+def _add_sky(cubemap: unreal.TextureCube, numbers: Json) -> None:
     light = _spawn(unreal.SkyLight, "Sky", (0.0, 0.0, 0.0)).get_component_by_class(unreal.SkyLightComponent)
     light.set_mobility(unreal.ComponentMobility.MOVABLE)
     light.set_editor_property("real_time_capture", False)
@@ -190,7 +194,7 @@ def _add_exposure() -> None:
     volume.set_editor_property("settings", settings)
 
 
-def _add_camera(numbers: Json) -> Any:
+def _add_camera(numbers: Json) -> unreal.Actor:
     actor = _spawn(unreal.CineCameraActor, "Camera", numbers["location"], numbers["rotation"])
     camera = actor.get_component_by_class(unreal.CineCameraComponent)
     filmback = camera.get_editor_property("filmback")
@@ -205,14 +209,16 @@ def _add_camera(numbers: Json) -> Any:
     return actor
 
 
-def _add_backdrop(camera: Any, numbers: Json, material: Any) -> None:
+def _add_backdrop(camera: unreal.Actor, numbers: Json, material: unreal.Material) -> None:
     """The photo on a plane that fills the camera's picture behind everything."""
     actor = _add_shape("Plane", "Backdrop", numbers, material, shadow=False)
     keep = unreal.AttachmentRule.KEEP_WORLD
     actor.attach_to_actor(camera, "", keep, keep, keep, False)
 
 
-def _add_shape(shape: str, label: str, numbers: Json, material: Any, *, shadow: bool = True) -> Any:
+def _add_shape(
+    shape: str, label: str, numbers: Json, material: unreal.Material, *, shadow: bool = True
+) -> unreal.Actor:
     actor = _spawn(unreal.StaticMeshActor, label, numbers["location"], numbers["rotation"])
     actor.set_actor_scale3d(unreal.Vector(*(size / 100.0 for size in numbers["size"])))
     mesh = actor.get_component_by_class(unreal.StaticMeshComponent)

@@ -22,7 +22,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 
 import numpy as np
 import OpenEXR
@@ -45,6 +45,7 @@ Image = NDArray[np.float32]
 WriteTarget = str | os.PathLike[str] | BinaryIO
 _Attributes = dict[str, Any]  # of a header, of the types that OpenEXR knows
 
+_Kind = TypeVar("_Kind", bound=np.generic)
 SOFTWARE = f"outdoor-lighting {__version__}"
 EXR_MAGIC = b"v/1\x01"
 _WHOLE_PICTURES = ("combined", "beauty", "rgba", "rgb")  # names of layers that hold a whole picture, in small letters
@@ -92,7 +93,7 @@ def _fits_half(image: NDArray[np.float32]) -> bool:
     return bool(((means == 0) | (means >= _MIN_ROW_MEAN)).all())
 
 
-def row_bands(image: NDArray[Any]) -> Iterator[NDArray[Any]]:
+def row_bands(image: NDArray[_Kind]) -> Iterator[NDArray[_Kind]]:
     """Views of a few rows each, so that what is computed of one stays in the processor's cache.
 
     Args:
@@ -142,9 +143,9 @@ def _stop_threads_over_forks(library: Any) -> None:
 
 def write_exr(
     target: WriteTarget,
-    image: NDArray[np.floating[Any]],
+    image: NDArray[np.floating],
     lighting: Lighting | None = None,
-    attributes: Mapping[str, Any] | None = None,
+    attributes: Mapping[str, object] | None = None,
     *,
     compression: str = "zip",
     probe: "LightProbe | None" = None,
@@ -289,9 +290,9 @@ def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
     return _in_rec709(np.stack(planes, axis=-1, dtype=np.float32), header), _lighting_in(header)
 
 
-def _colors(parts: list[tuple[_Attributes, _Attributes]]) -> tuple[_Attributes, list[NDArray[Any]]]:
+def _colors(parts: list[tuple[_Attributes, _Attributes]]) -> tuple[_Attributes, list[NDArray[np.floating]]]:
     """The header of the part that counts, and its R, G and B."""
-    layers: dict[str, tuple[_Attributes, dict[str, NDArray[Any]]]] = {}
+    layers: dict[str, tuple[_Attributes, dict[str, NDArray[np.floating]]]] = {}
     for header, channels in parts:
         for name, channel in channels.items():
             layer, _, last = name.rpartition(".")
@@ -312,7 +313,7 @@ def _colors(parts: list[tuple[_Attributes, _Attributes]]) -> tuple[_Attributes, 
     return header, [planes[name] for name in "RGB"]
 
 
-def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
+def _in_rec709(pixels: Image, header: _Attributes) -> Image:
     """Pixels (H, W, 3) of the primaries that a header names, Rec.709's where it names none, in those of Rec.709."""
     try:
         matrix = chromaticities_to_rec709(header.get("chromaticities", CHROMATICITIES))
@@ -352,7 +353,7 @@ def read_exr_attributes(source: WriteTarget) -> _Attributes:
         raise EnvironmentMapError(f"The header of {os.fspath(source)} cannot be read: {error}.") from error
 
 
-def check_envmap(image: NDArray[np.floating[Any]]) -> Image:
+def check_envmap(image: NDArray[np.floating]) -> Image:
     """The map as contiguous float32.
 
     Args:
@@ -384,7 +385,7 @@ def open_target(target: WriteTarget) -> Iterator[BinaryIO]:
         raise EnvironmentMapError(f"{os.fspath(target)} cannot be written: {error.strerror or error}.") from error
 
 
-def _check_attributes(attributes: Mapping[str, Any]) -> None:
+def _check_attributes(attributes: Mapping[str, object]) -> None:
     """Raise EnvironmentMapError for what OpenEXR would write as something else."""
     for name, value in attributes.items():
         if isinstance(value, int | np.integer) and not -(2**31) <= int(value) < 2**31:
@@ -396,7 +397,7 @@ def _check_attributes(attributes: Mapping[str, Any]) -> None:
         raise EnvironmentMapError(f"The attribute {name} {predicate}", "attributes", ErrorCode.OUT_OF_RANGE)
 
 
-def _try_attributes(header: Mapping[str, Any], attributes: Mapping[str, Any]) -> None:
+def _try_attributes(header: _Attributes, attributes: Mapping[str, object]) -> None:
     """Write a picture of one pixel with this header; EnvironmentMapError where OpenEXR knows no such attributes.
 
     So it is where it gives one of them back as something else: some types are cut or left out without a word.
@@ -413,7 +414,7 @@ def _try_attributes(header: Mapping[str, Any], attributes: Mapping[str, Any]) ->
             raise EnvironmentMapError(f"The attribute {name} {predicate}", "attributes", ErrorCode.OUT_OF_RANGE)
 
 
-def _is_stored(value: Any, stored: Any) -> bool:
+def _is_stored(value: object, stored: Any) -> bool:
     """Whether a number, a text or several of them are what OpenEXR gives back; floats may be rounded to 32 bits."""
     if isinstance(value, list | tuple | np.ndarray):
         return len(value) == len(stored) and all(map(_is_stored, value, stored))
@@ -460,7 +461,7 @@ def _attributes(lighting: Lighting | None, probe: "LightProbe | None") -> _Attri
     }
 
 
-def _lighting_in(header: Mapping[str, Any]) -> Lighting | None:
+def _lighting_in(header: _Attributes) -> Lighting | None:
     try:
         return Lighting.from_dict(json.loads(header["lighting.json"])) if "lighting.json" in header else None
     except ParameterError as error:

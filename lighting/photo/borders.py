@@ -13,7 +13,7 @@ References:
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from lighting.photo.collages import has_seams, stereo_half
 _Bytes = NDArray[np.uint8]
 _Mask = NDArray[np.bool_]
 
+_Kind = TypeVar("_Kind", bound=np.generic)
 _SIDE = 512  # pixels along the longer side of the picture that is searched
 _MIN_SIDE = 64  # pixels of the shorter side, under which an edge is too short to tell
 _TOLERANCE = 14  # gray levels in any channel by which a background's pixels differ, noise of JPEG included
@@ -104,7 +105,7 @@ class _Box:
     def area(self) -> int:
         return (self.right - self.left) * (self.bottom - self.top)
 
-    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+    def of(self, values: NDArray[_Kind]) -> NDArray[_Kind]:
         """The part's values."""
         return values[self.top : self.bottom, self.left : self.right]
 

@@ -162,7 +162,7 @@ def _positive(camera: Tags, xmp: Mapping[str, str], tag: int, name: str) -> floa
     return number if number is not None and number > 0 else None
 
 
-def _first(value: Any) -> Any:
+def _first(value: object) -> Any:
     return value[0] if isinstance(value, tuple) else value
 
 

@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from PIL import ExifTags
 
@@ -13,6 +12,7 @@ from lighting.photo.tags import (
     EXIF_NAMESPACE,
     PNG_CREATION_TIME,
     TAG_ERRORS,
+    IptcRecords,
     Tags,
     read_number,
     read_text,
@@ -56,7 +56,7 @@ _IPTC_TIMES = (((2, 55), (2, 60)), ((2, 62), (2, 63)))  # date and time, of the 
 
 
 def read_clock(
-    camera: Tags, main: Tags, xmp: Mapping[str, str], iptc: Mapping[Any, Any], *, is_located: bool = False
+    camera: Tags, main: Tags, xmp: Mapping[str, str], iptc: IptcRecords, *, is_located: bool = False
 ) -> Stamp | None:
     """The photo's local time, the best that its file holds, with the offset from UTC that the file has for it.
 
@@ -169,7 +169,7 @@ def _xmp_stamp(xmp: Mapping[str, str], name: str) -> Stamp | None:
     return Stamp(stamp.time, _first_known(*(offset_in_text(text, stamp.time) for text in texts)))
 
 
-def _iptc_stamps(iptc: Mapping[Any, Any]) -> Iterator[Stamp]:
+def _iptc_stamps(iptc: IptcRecords) -> Iterator[Stamp]:
     for pair in _IPTC_TIMES:
         date, time = (plain_text(v[0] if isinstance(v := iptc.get(key), list) and v else v) for key in pair)
         if stamp := read_stamp(f"{date}T{time}"):

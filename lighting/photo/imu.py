@@ -190,7 +190,7 @@ def _camera_tilt(up: _Vector, std: float, source: str) -> _CameraTilt:
     return _CameraTilt(elevation + 0.0, roll, std, source)
 
 
-def _apple_note(note: Any) -> dict[int, Any]:
+def _apple_note(note: object) -> dict[int, Any]:
     """The acceleration (3,) [g] and the number that says whether the front camera was used."""
     if not isinstance(note, bytes) or not note.startswith(_APPLE) or note[_APPLE_TAGS - 2 : _APPLE_TAGS] != b"MM":
         raise ValueError("not Apple's")
@@ -206,7 +206,7 @@ def _apple_note(note: Any) -> dict[int, Any]:
     return values_by_tag
 
 
-def _is_back(lens: str, note: Mapping[int, Any]) -> bool:
+def _is_back(lens: str, note: Tags) -> bool:
     """Whether the back camera took it; neither older maker notes nor the lens's name need say so."""
     front = note.get(_FRONT)
     return "front" not in lens.lower() and front in (None, 0) and ("back" in lens.lower() or front == 0)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from lighting.photo.tiff import open_raw_header, photo_page
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
 
+_Kind = TypeVar("_Kind", bound=np.generic)
 RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl")
 _CLIPPED_FROM = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
 _GRAY_ALPHA = "LA;16B"  # Pillow's name for gray of 16 bits with transparency in a PNG, of which it keeps half the bits
@@ -70,7 +71,7 @@ class _DecoderError(Exception):
 class _Stored:
     """A picture as its file holds it."""
 
-    samples: NDArray[Any]  # (H, W, C) of 8 or 16 bits, as the sensor had it; C is 1 for gray, else 3
+    samples: NDArray[np.integer]  # (H, W, C) of 8 or 16 bits, as the sensor had it; C is 1 for gray, else 3
     header: Image.Image
     tags: PhotoTags  # of the picture whose EXIF block counts
     orientation: int | None  # by EXIF
@@ -168,7 +169,7 @@ def _decoder_calls() -> Iterator[None]:
         raise _DecoderError from error
 
 
-def _linearize(samples: NDArray[Any], coded: bool) -> Pixels:
+def _linearize(samples: NDArray[np.integer], coded: bool) -> Pixels:
     """Linear values (H, W, 3), 1 at full scale, of whole numbers (H, W, 1 or 3)."""
     if coded and samples.dtype == np.uint8:
         linear = SRGB_LINEAR[samples]
@@ -188,7 +189,7 @@ def _curve_warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple
     return ()
 
 
-def _read_samples(image: Any, data: bytes) -> NDArray[Any]:
+def _read_samples(image: Any, data: bytes) -> NDArray[np.integer]:
     """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for gray, else 3."""
     modes = {_raw_mode(tile) for tile in image.tile}
     if modes == {_GRAY_ALPHA} and not image.mode.startswith("I"):
@@ -293,7 +294,7 @@ def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float |
     return read_metadata(tags, image.width, image.height, beside), read_exposure(tags.camera)
 
 
-def _undo_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+def _undo_upright(pixels: NDArray[_Kind], orientation: int | None) -> NDArray[_Kind]:
     """The view of which `make_upright` makes these pixels.
 
     Args:

@@ -78,7 +78,9 @@ def _read_locations(gps: Tags, xmp: Mapping[str, str]) -> Locations:
     return next((found for source in sources if (found := _locations(*source))), ())
 
 
-def _locations(latitude: Any, latitude_reference: Any, longitude: Any, longitude_reference: Any) -> Locations:
+def _locations(
+    latitude: object, latitude_reference: object, longitude: object, longitude_reference: object
+) -> Locations:
     if latitude is None or longitude is None:
         return ()
     north = _coordinate(latitude, latitude_reference, "NS", 90.0)
@@ -90,7 +92,7 @@ def _locations(latitude: Any, latitude_reference: Any, longitude: Any, longitude
     return tuple(dict.fromkeys((a * north.size, b * east.size) for a, b in product(north.signs, east.signs)))
 
 
-def _coordinate(value: Any, reference: Any, letters: str, limit: float) -> _Coordinate | None:
+def _coordinate(value: object, reference: object, letters: str, limit: float) -> _Coordinate | None:
     try:
         numbers, is_negative, letter = _parse_angle(value)
     except (ArithmeticError, LookupError, TypeError, ValueError):
@@ -107,11 +109,11 @@ def _coordinate(value: Any, reference: Any, letters: str, limit: float) -> _Coor
     return _Coordinate(size, signs if size else (1,), is_negative)
 
 
-def _parse_angle(value: Any) -> tuple[list[float], bool, str]:
+def _parse_angle(value: object) -> tuple[list[float], bool, str]:
     """Degrees, minutes and seconds without signs, whether the degrees have one, and the hemisphere's letter or none."""
     if isinstance(value, bytes | str):
         return _parse_text(read_text(value))
-    parts = list(value) if isinstance(value, tuple | list) else [value]
+    parts: list[Any] = list(value) if isinstance(value, tuple | list) else [value]
     if not parts:
         raise ValueError("no numbers")
     while len(parts) > 1 and not math.isfinite(float(parts[-1])):
@@ -120,11 +122,11 @@ def _parse_angle(value: Any) -> tuple[list[float], bool, str]:
     return [abs(number) for number in numbers], any(number < 0 for number in numbers), ""
 
 
-def _read_signed(value: Any) -> float:
+def _read_signed(value: object) -> float:
     """A number, also one below 0 that a program wrote into a rational without a sign."""
     number, numerator = read_number(value), getattr(value, "numerator", 0)
     is_wrapped = number > _MAX_ANGLE and 2**31 <= numerator < 2**32
-    return (numerator - 2**32) / value.denominator if is_wrapped else number
+    return (numerator - 2**32) / getattr(value, "denominator", 1) if is_wrapped else number
 
 
 def _parse_text(text: str) -> tuple[list[float], bool, str]:
@@ -139,13 +141,13 @@ def _parse_text(text: str) -> tuple[list[float], bool, str]:
     return [abs(number) for number in numbers], numbers[0] < 0 or found[0][0] == "-", _hemisphere("".join(words))
 
 
-def _hemisphere(reference: Any) -> str:
+def _hemisphere(reference: object) -> str:
     """The first letter of a hemisphere's English name; another, or none, where that is open."""
     word = _word(reference)
     return _HEMISPHERES.get(word.lower(), word[:1].upper())
 
 
-def _word(reference: Any) -> str:
+def _word(reference: object) -> str:
     """The text of a reference; empty where there is none, as of what is no text."""
     with suppress(TypeError, ValueError):
         return "" if reference is None else read_text(reference)
@@ -167,7 +169,7 @@ def _read_heading(gps: Tags, xmp: Mapping[str, str]) -> tuple[float | None, Head
     return heading, references.get(_word(reference)[:1].upper())
 
 
-def _heading(value: Any) -> float | None:
+def _heading(value: object) -> float | None:
     if value is None:
         return None
     with suppress(*TAG_ERRORS):
@@ -326,6 +328,6 @@ def _exposure_value(camera: Tags) -> float | None:
     return None
 
 
-def _iso(value: Any) -> float:
+def _iso(value: object) -> float:
     """ISO from a number, or from the first of several."""
     return read_number(value[0] if isinstance(value, tuple) else value)

@@ -1,8 +1,8 @@
 """A decoded image's pixels: bit depth and orientation, and how they become upright 8-bit sRGB."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from math import ceil
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,11 @@ import lighting.photo.containers as containers
 from lighting.errors import PhotoError
 from lighting.photo.color_encoding import ColorEncoding
 from lighting.photo.containers import decoder_calls
+from lighting.photo.tags import Tags
 
 Pixels = NDArray[np.uint8]
 
+_Kind = TypeVar("_Kind", bound=np.generic)
 MAX_KEPT_PIXELS = 32_000_000  # of what is returned, so that photos kept large, as a scene's plate, are bounded too
 
 _32_BIT_MODES = ("F", "I")  # Pillow's, whose range no rule tells
@@ -71,7 +73,7 @@ def upright_pixels(
     return np.ascontiguousarray(make_upright(pixels, orientation))
 
 
-def make_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+def make_upright(pixels: NDArray[_Kind], orientation: int | None) -> NDArray[_Kind]:
     """A view of pixels that is rotated as their EXIF orientation says.
 
     Args:
@@ -112,7 +114,7 @@ def _convert_to_srgb(image: Image.Image, factor: int, to_srgb: Callable[[Image.I
     return out
 
 
-def _to_8_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
+def _to_8_bits(image: Image.Image, tags: Tags) -> Image.Image:
     """The same picture in mode L, RGB, CMYK or RGBA; `tags` are those of `_tiff_tags`."""
     if image.mode.startswith("I"):
         return Image.fromarray((gray_16_bit(image, tags) >> 8).astype(np.uint8))
@@ -122,12 +124,12 @@ def _to_8_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
         return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
 
 
-def _tiff_tags(image: Image.Image) -> Mapping[int, Any]:
+def _tiff_tags(image: Image.Image) -> Tags:
     """A TIFF's tags; none of other pictures."""
     return getattr(image, "tag_v2", {})
 
 
-def gray_16_bit(image: Image.Image, tags: Mapping[int, Any] | None = None) -> NDArray[np.uint16]:
+def gray_16_bit(image: Image.Image, tags: Tags | None = None) -> NDArray[np.uint16]:
     """Gray values (h, w) of over 8 bits, black at 0 and white at 65535.
 
     Pillow would clip them to 8 bits, and passes over a TIFF's 12 bits and over white at 0.

@@ -33,6 +33,7 @@ import numpy as np
 import lighting.runtime as runtime
 from lighting.confinement import confine_process
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.fields import Json
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS
 from lighting.photo.reader import (
@@ -48,7 +49,6 @@ from lighting.photo.reader import (
     read_photo,
 )
 from lighting.photo.sidecars import read_sidecar
-from lighting.records import Json
 from lighting.tracing import trace_step
 from lighting.warning_codes import CodedWarning, WarningCode, warning_code
 

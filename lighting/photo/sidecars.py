@@ -15,7 +15,6 @@ import unicodedata
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 from lighting.photo.tags import EXIF_NAMESPACE, MAX_XMP_BYTES, read_number, read_xmp
 
@@ -117,7 +116,7 @@ def _read_start(file: Path) -> bytes | None:
         return None
 
 
-def _parse_json(data: bytes) -> Any:
+def _parse_json(data: bytes) -> object:
     """What JSON holds; None where it is none."""
     try:
         return json.loads(data)
@@ -125,7 +124,7 @@ def _parse_json(data: bytes) -> Any:
         return None
 
 
-def _takeout_properties(record: Any) -> dict[str, str]:
+def _takeout_properties(record: object) -> dict[str, str]:
     """The time and the place in Google Takeout's JSON, as XMP has them; empty for any other."""
     if not isinstance(record, dict) or "photoTakenTime" not in record:
         return {}
@@ -134,7 +133,9 @@ def _takeout_properties(record: Any) -> dict[str, str]:
     return {**place, **_takeout_time(record["photoTakenTime"])}
 
 
-def _takeout_time(value: Any) -> dict[str, str]:
+def _takeout_time(value: object) -> dict[str, str]:
+    if not isinstance(value, Mapping):
+        return {}
     try:
         time = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=float(value["timestamp"]))
     except (ArithmeticError, LookupError, TypeError, ValueError):
@@ -142,7 +143,7 @@ def _takeout_time(value: Any) -> dict[str, str]:
     return {TAKEOUT_TIME: f"{time:%Y-%m-%dT%H:%M:%SZ}"}
 
 
-def _takeout_place(value: Any) -> dict[str, str]:
+def _takeout_place(value: object) -> dict[str, str]:
     """Latitude and longitude in XMP's degrees and minutes; 0, 0 is Google's word for an unknown place."""
     if not isinstance(value, Mapping):
         return {}
@@ -163,7 +164,7 @@ def _degrees_and_minutes(angle: float, signs: str) -> str:
     return f"{degrees:.0f},{60.0 * minutes:.6f}{signs[angle < 0]}"
 
 
-def _exiftool_properties(record: Any, photo: str) -> dict[str, str]:
+def _exiftool_properties(record: object, photo: str) -> dict[str, str]:
     """Time, place and lens in ExifTool's JSON of a photo, as XMP has them; empty for any other.
 
     Args:
@@ -188,7 +189,7 @@ def _exiftool_properties(record: Any, photo: str) -> dict[str, str]:
     }
 
 
-def _ungrouped(entry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def _ungrouped(entry: Mapping[str, object]) -> Iterator[tuple[str, object]]:
     """Names, with their groups, and values of an entry, and of the groups of tags that it may have."""
     for name, value in entry.items():
         if isinstance(value, dict):
@@ -197,6 +198,6 @@ def _ungrouped(entry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def _is_not_composite(item: tuple[str, Any]) -> bool:
+def _is_not_composite(item: tuple[str, object]) -> bool:
     """Whether a name is not of the group whose coordinates have signs."""
     return not item[0].startswith("Composite:")

@@ -11,13 +11,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
-from typing import Any
+from typing import Any, SupportsFloat, SupportsIndex
 
 from PIL import ExifTags, Image, ImageFile
 
 from lighting.photo.tiff import TIFF_STARTS, is_moderate
 
 Tags = Mapping[int, Any]
+IptcRecords = Mapping[tuple[int, int], object]
 # What reading a value raises where its tag is absent, damaged or impossible.
 TAG_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error)
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
@@ -58,7 +59,7 @@ class PhotoTags:
     """Of EXIF's directory of interoperability."""
     xmp: Mapping[str, str]
     """Properties of the XMP packet by "namespace name"."""
-    iptc: Mapping[Any, Any]
+    iptc: IptcRecords
     """IPTC's datasets by record and number, bytes or lists of them."""
     has_temperatures: bool = False
     """Whether a JPEG holds temperatures in segments of FLIR."""
@@ -144,9 +145,9 @@ def read_tags(image: Image.Image) -> PhotoTags:
     return PhotoTags(image.format, orientation, main, camera, gps, interoperability, xmp, iptc, has_temperatures)
 
 
-def _merge_directories(blocks: Sequence[Image.Exif], ifd: int | None) -> dict[int, Any]:
+def _merge_directories(blocks: Sequence[Image.Exif], ifd: int | None) -> dict[int, object]:
     """The tags of one directory of EXIF blocks; None: the main one."""
-    merged: dict[int, Any] = {}
+    merged: dict[int, object] = {}
     for exif in blocks:
         with suppress(Exception):
             merged = {**dict(exif if ifd is None else exif.get_ifd(ifd)), **merged}
@@ -165,7 +166,7 @@ def _read_packet(image: Image.Image) -> dict[str, str]:
     return {**_png_properties(image), **read_xmp(_single_packet(image))}
 
 
-def _single_packet(image: Image.Image) -> Any:
+def _single_packet(image: Image.Image) -> object:
     packet = image.info.get("xmp")
     if packet is None and isinstance(text := image.info.get(_XMP_KEYWORD), str):
         packet = text.encode()
@@ -189,7 +190,7 @@ def _png_properties(image: Image.Image) -> dict[str, str]:
     return properties
 
 
-def _read_iptc(image: Image.Image) -> Mapping[Any, Any]:
+def _read_iptc(image: Image.Image) -> IptcRecords:
     """The IPTC datasets of an image; empty without."""
     if image.format == "PNG" and (block := _raw_profile(image, "iptc") or _raw_profile(image, "8bim")):
         try:
@@ -215,7 +216,7 @@ def _jpeg_header_with(resources: bytes) -> bytes:
     return b"\xff\xd8\xff\xed" + struct.pack(">H", len(segment) + 2) + segment + _SMALLEST_FRAME
 
 
-def read_number(value: Any) -> float:
+def read_number(value: object) -> float:
     """A finite number in a tag's value.
 
     Args:
@@ -223,7 +224,10 @@ def read_number(value: Any) -> float:
 
     Raises:
         ValueError: it is none, as 0/0 is.
+        TypeError: it is nothing that may be one.
     """
+    if not isinstance(value, str | bytes | SupportsFloat | SupportsIndex):
+        raise TypeError("not a number")
     number = float(value)
     if not math.isfinite(number):
         raise ValueError("not a finite number")
@@ -244,7 +248,7 @@ def read_xmp_number(text: str) -> float:
     return read_number(numerator) / (read_number(denominator) if denominator else 1.0)
 
 
-def read_text(value: Any) -> str:
+def read_text(value: object) -> str:
     """The text in a tag's value, without blanks and NULs at its ends.
 
     Args:
@@ -259,7 +263,7 @@ def read_text(value: Any) -> str:
     return text.strip("\0 ")
 
 
-def read_xmp(packet: Any) -> dict[str, str]:
+def read_xmp(packet: object) -> dict[str, str]:
     """Attributes and elements of an XMP packet by "namespace name", the first of each; empty for what is no XMP.
 
     Namespaces have no slash at their ends, since writers disagree about it. Never raises.

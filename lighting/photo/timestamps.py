@@ -10,7 +10,6 @@ import unicodedata
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
-from typing import Any
 
 from lighting.errors import ErrorCode, ParameterError
 
@@ -134,7 +133,7 @@ _AFTERNOON += "pm p 下午 晚上 傍晚 中午 午後 오후 م مساء بظ �
 _HALF_DAYS = dict.fromkeys(_MORNING.split(), 0) | dict.fromkeys(_AFTERNOON.split(), 12)
 
 
-def read_stamp(value: Any) -> Stamp | None:
+def read_stamp(value: object) -> Stamp | None:
     """A date and time with the offset from UTC that stands in it; None where they are absent or in doubt.
 
     Args:
@@ -158,7 +157,7 @@ def read_stamp(value: Any) -> Stamp | None:
     return Stamp(time, offset_in_text(rest, time)) if YEAR_RANGE[0] <= time.year <= YEAR_RANGE[1] else None
 
 
-def plain_text(value: Any) -> str:
+def plain_text(value: object) -> str:
     """A tag's text with ASCII digits and plain blanks; Pillow hands UTF-8 over as if it were Latin-1.
 
     Args:

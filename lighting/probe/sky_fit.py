@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lighting.color import luminance
 from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import ErrorCode, ProbeError
+from lighting.fields import Json
 from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.probe.sun_detection import (
     ANALYSIS_HEIGHT,
@@ -24,7 +25,7 @@ from lighting.probe.sun_detection import (
     label_regions,
     pixel_solid_angles,
 )
-from lighting.records import GROUND_ALBEDO, Json
+from lighting.records import GROUND_ALBEDO
 from lighting.sky.clear_sky import sky_radiance
 
 _SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare

@@ -16,8 +16,8 @@ import numpy as np
 
 from lighting.color import color_and_intensity, luminance
 from lighting.errors import ErrorCode, SceneError
+from lighting.fields import Json
 from lighting.geometry import to_z_up
-from lighting.records import Json
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
 from lighting.scene.writer import Folder, read_data_text, write_shared_files
 

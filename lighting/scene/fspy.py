@@ -9,8 +9,8 @@ import struct
 
 import numpy as np
 
+from lighting.fields import Json
 from lighting.geometry import Floats, to_z_up
-from lighting.records import Json
 from lighting.scene.records import Scene
 from lighting.scene.writer import Folder, encode_plate, write_shared_files
 

@@ -16,19 +16,18 @@ References:
 import json
 import struct
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import color_and_intensity, max_channel
 from lighting.envmap.latlong import Image, face_size, level_count, prefilter_cubemap
+from lighting.fields import Json
 from lighting.files.deflate import encode_png
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.light_probe import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 from lighting.record_json import record_with_coefficients
-from lighting.records import Json
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import Folder, encode_lit_ground, encode_plate
 
@@ -120,7 +119,7 @@ def _nodes(scene: Scene) -> list[Json]:
     ]
 
 
-def _columns(matrix: NDArray[Any]) -> list[float]:
+def _columns(matrix: NDArray[np.floating]) -> list[float]:
     return [float(value) for value in matrix.T.ravel()]
 
 

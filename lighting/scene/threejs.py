@@ -18,9 +18,9 @@ from PIL import Image
 from lighting.color import color_and_intensity
 from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
+from lighting.fields import Json
 from lighting.files import FileOptions, encode_envmap, encode_jpeg
 from lighting.record_json import record_with_coefficients
-from lighting.records import Json
 from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import (
     Folder,

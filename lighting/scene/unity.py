@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import color_and_intensity, srgb_encode
+from lighting.fields import Json
 from lighting.files import encode_envmap
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle
 from lighting.record_json import record_with_coefficients
-from lighting.records import Json
 from lighting.scene import ENVIRONMENT, PLATE, RECORD, records
 from lighting.scene.writer import Folder, encode_plate, encode_projected_ground, read_data_text
 

@@ -14,9 +14,9 @@ import json
 import numpy as np
 
 from lighting.color import color_and_intensity, srgb_bytes
+from lighting.fields import Json
 from lighting.files import FileOptions, encode_envmap
 from lighting.geometry import Floats
-from lighting.records import Json
 from lighting.scene import PLATE, records
 from lighting.scene.writer import Folder, encode_projected_ground, read_data_text, write_shared_files
 

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import PhotoError
+from lighting.geometry import Floats
 
 Pixels = NDArray[np.float32]
+_Spectrum = NDArray[np.complexfloating]
 
 _COMPARED_SIDE = 256  # pixels, of the pictures compared
 _MAX_SHIFT = 0.012  # of the picture's longer side, from where on the camera counts as moved
@@ -71,7 +72,7 @@ def _cut_tiles(image: Pixels) -> list[Pixels]:
     return [image[top : top + rows, left : left + columns] for top, left in corners]
 
 
-def _tile_shift(a: NDArray[Any], b: NDArray[Any]) -> tuple[int, int] | None:
+def _tile_shift(a: _Spectrum, b: _Spectrum) -> tuple[int, int] | None:
     """How far [pixels, down and right] the first of two tiles is shifted, by their spectra; None where unclear."""
     peak = _correlate_phase(a, b)
     reach = min(_TILE_REACH, min(peak.shape) // 4)
@@ -80,7 +81,7 @@ def _tile_shift(a: NDArray[Any], b: NDArray[Any]) -> tuple[int, int] | None:
     return (int(row) - reach, int(column) - reach) if near[row, column] > _MIN_TILE_PEAK else None
 
 
-def _correlate_phase(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+def _correlate_phase(a: _Spectrum, b: _Spectrum) -> Floats:
     """Phase correlation (H, W), 1 at most, of two pictures by the spectra of their edges."""
     cross = a * np.conj(b)
     return np.asarray(np.fft.ifft2(cross / np.maximum(np.abs(cross), 1e-12)).real)
@@ -93,7 +94,7 @@ def _shrink_image(image: Pixels) -> Pixels:
     return np.asarray(blocks.mean(axis=(1, 3)))
 
 
-def _edge_spectrum(image: Pixels) -> NDArray[Any]:
+def _edge_spectrum(image: Pixels) -> _Spectrum:
     """The spectrum of a picture's edges, whatever their sense, faded out towards the border."""
     edges = np.hypot(*np.gradient(np.log(image + 0.01 * image.mean() + 1e-6)))
     edges = np.minimum(edges, np.quantile(edges, 0.98))
@@ -101,7 +102,7 @@ def _edge_spectrum(image: Pixels) -> NDArray[Any]:
     return np.asarray(np.fft.fft2((edges - edges.mean()) * window))
 
 
-def _measure_shift(a: NDArray[Any], b: NDArray[Any]) -> float:
+def _measure_shift(a: _Spectrum, b: _Spectrum) -> float:
     """How far the second picture is shifted against the first, by their spectra; 0 where unclear.
 
     As a share of the longer side.

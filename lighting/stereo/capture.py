@@ -7,7 +7,7 @@ resembles.
 
 import csv
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -96,7 +96,7 @@ def _read_photo(path: Path, curve: Curve | None) -> _DayPhoto:
 
 def _read_exposure(path: Path) -> _Exposure:
     header = open_header(path)
-    tags: dict[int, Any] = {}
+    tags: dict[int, object] = {}
     if header is not None:
         with header, suppress(Exception):  # Pillow raises nearly anything on hostile bytes
             tags = dict(header.getexif().get_ifd(ExifTags.IFD.Exif))
@@ -190,7 +190,7 @@ def read_nearest_skies(folder: Path, times: NDArray[np.datetime64], utc_offset: 
     return read_skies([_nearest_probe(folder, time, utc_offset) for time in local])
 
 
-def _nearest_probe(folder: Path, time: Any, utc_offset: float) -> Path:
+def _nearest_probe(folder: Path, time: np.datetime64, utc_offset: float) -> Path:
     day = time.astype("datetime64[D]")
     minutes = float((time - day) / np.timedelta64(1, "m"))
     files = day_maps(folder, day.item(), utc_offset)
@@ -282,7 +282,7 @@ def read_day_photos(
     user_input: UserInput = NO_USER_INPUT,
     curve: Curve | None = None,
     size: int | None = MAX_SIZE,
-    progress: Callable[[Sequence[Path]], Any] = iter,
+    progress: Callable[[Sequence[Path]], Iterable[Path]] = iter,
 ) -> DayPhotos:
     """Read the photos of a folder in the order of their times.
 

@@ -14,7 +14,7 @@ hemisphere has brightness 1.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -129,7 +129,7 @@ def illumination_matrices(skies: Skies, normals: ArrayLike) -> Floats:
     return result.reshape(*directions.shape[:-1], *result.shape[1:])
 
 
-def sky_light_vectors(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
+def sky_light_vectors(radiance: NDArray[np.floating], normals: Floats) -> Floats:
     """Return the mean light vectors (N, T, 3, C) of maps, summed over pixels.
 
     A pixel that a patch's plane cuts counts by about the part of it above the plane.
@@ -262,7 +262,7 @@ def draw_sunshine(draws: int, spells: int, seed: int, cover: float = BROKEN_COVE
     return np.asarray(np.random.default_rng(seed).random((draws, spells)) >= cover)
 
 
-def _horizontal_irradiance(sky: NDArray[np.floating[Any]]) -> Floats:
+def _horizontal_irradiance(sky: NDArray[np.floating]) -> Floats:
     """Irradiance (..., C) of level ground by the upper half (..., H / 2, 2H, C) of a map."""
     rows = sky.shape[-3]
     by_row = np.moveaxis(sky.mean(axis=-2, dtype=np.float64), -1, -2)

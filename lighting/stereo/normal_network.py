@@ -8,14 +8,13 @@ of a day, H and W multiples of 8. Its outputs: `normal`, float32 (1, 3, H, W), u
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.checksum import DATA_FOLDER
 from lighting.errors import ModelError
-from lighting.onnx_session import create_session, packaged_network
+from lighting.onnx_session import Session, create_session, packaged_network
 from lighting.stereo.normal_search import Image, SearchResult
 
 BY_IMAGE = 6  # planes of each image: relative brightness, difference to the search's fit, cosine to the sun, sun x y z
@@ -36,7 +35,7 @@ class NormalFeatures:
 
 
 def normal_features(
-    images: Image, mask: NDArray[np.bool_], suns: NDArray[Any], search: SearchResult, noise: float
+    images: Image, mask: NDArray[np.bool_], suns: NDArray[np.floating], search: SearchResult, noise: float
 ) -> NormalFeatures:
     """Make the planes that the network sees; 0 outside the mask.
 
@@ -71,7 +70,7 @@ def _search_planes(search: SearchResult, size: Image, noise: float) -> Image:
 class Network:
     """A loaded network."""
 
-    def __init__(self, session: Any) -> None:
+    def __init__(self, session: Session) -> None:
         self.session = session
 
     @classmethod

@@ -16,7 +16,6 @@ during the day. Shadows that come and go between are not among the patterns.
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,7 +184,9 @@ def _other_normal(likelihood: Image, chords: Image, normals: Image) -> tuple[Ima
     return normals[index], np.maximum(far_likelihood[np.arange(len(index)), index], np.float32(-1e4))
 
 
-def _refine_normals(images: Image, table: Candidates, best: NDArray[Any], noise: float) -> tuple[Image, Image, Image]:
+def _refine_normals(
+    images: Image, table: Candidates, best: NDArray[np.intp], noise: float
+) -> tuple[Image, Image, Image]:
     """Normal (P, 3), albedo (P, C) and what they leave of the images (P, T, C), by one step from candidates (P,).
 
     The step is of least squares, damped by the grid's spacing. Along an axis that the light does not tell apart, noise

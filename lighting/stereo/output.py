@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError, PhotoError, require_extra
-from lighting.fields import check_location
+from lighting.fields import Json, check_location
 from lighting.files import atomic_write
 from lighting.files.deflate import encode_png
 from lighting.files.exr import SOFTWARE
@@ -27,7 +27,7 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
 from lighting.photo.camera import FULL_FRAME_DIAGONAL
 from lighting.photo.linear import Curve
-from lighting.records import GROUND_ALBEDO, Json
+from lighting.records import GROUND_ALBEDO
 from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies
 from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, gray_skies, sun_directions
 from lighting.stereo.normal_network import Network

@@ -15,7 +15,7 @@ from PIL import Image
 from lighting.color import luminance
 from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
-from lighting.fields import OPTIONAL_RANGES, check_range
+from lighting.fields import OPTIONAL_RANGES, Json, check_range
 from lighting.files import read_envmap
 from lighting.geometry import Floats, latlong_directions
 from lighting.photo.timestamps import UTC_OFFSET_RANGE, YEAR_RANGE
@@ -31,7 +31,6 @@ from lighting.preview.drawing import (
     draw_text,
 )
 from lighting.probe.probe_files import probes_in
-from lighting.records import Json
 from lighting.stereo.light_vectors import (
     ONE_SKY,
     SKY_HEIGHT,

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import check_range
+from lighting.fields import Json, check_range
 from lighting.geometry import Floats, direction
-from lighting.records import Json
 from lighting.stereo.light_vectors import DAY_MINUTES, SkyDay, illumination_matrices
 from lighting.stereo.noise_gain import (
     angular_error,

@@ -9,12 +9,12 @@ tell: with a zone set, GoPro's HERO12 writes UTC, its forerunners did not. `ligh
 import math
 import re
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.timestamps import Stamp, read_stamp
 from lighting.warning_codes import CodedWarning, WarningCode
 
+_Value = TypeVar("_Value")
 QUICKTIME = "com.apple.quicktime."
 LOCATION_TAGS = (f"{QUICKTIME}location.ISO6709", "location", "location-eng", "\xa9xyz")
 LENS_TAGS = (f"{QUICKTIME}camera.focal_length.35mm_equivalent",)
@@ -145,12 +146,12 @@ def _lens_and_place(
     return PhotoMetadata(latitude=latitude, longitude=longitude, focal_length=focal_length, vertical_fov=fov)
 
 
-def _first_value(tags: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
+def _first_value(tags: Mapping[str, str], names: tuple[str, ...], read: Callable[[str], _Value]) -> _Value | None:
     values = (_try_read(read, tags[name]) for name in names if name in tags)
     return next((value for value in values if value is not None), None)
 
 
-def _try_read(read: Any, text: str) -> Any:
+def _try_read(read: Callable[[str], _Value], text: str) -> _Value | None:
     try:
         return read(text)
     except (ArithmeticError, LookupError, TypeError, ValueError):

@@ -369,7 +369,7 @@ def observe_shots(
     frames: Iterable[Frame],
     model: Model,
     every: float = NETWORK_INTERVAL,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
     vertical_fov: float | None = None,
 ) -> Iterator[ShotObservations]:
     """Track a clip and hand out what each shot shows, as soon as it is over.

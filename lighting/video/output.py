@@ -487,7 +487,7 @@ def _shot_map(number: int) -> str:
     return f"shot-{number}.exr"
 
 
-def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] | None = None) -> VideoResult:
+def process_video(job: VideoJob, model: Model, progress: Callable[[float], object] | None = None) -> VideoResult:
     """Process a clip and write all that the job asks for.
 
     Args:

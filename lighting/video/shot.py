@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from itertools import pairwise, product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -580,7 +579,7 @@ def analyze_shots(
     model: Model,
     user_input: UserInput = NO_USER_INPUT,
     every: float = NETWORK_INTERVAL,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> Iterator[Shot | VideoError]:
     """Solve each shot of an open clip as soon as it is over.
 

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,7 +84,8 @@ def test_an_answer_that_is_not_finite_is_refused(model: Model) -> None:
 
 @pytest.mark.parametrize(("threads", "expected"), [(0, len(os.sched_getaffinity(0))), (1, 1), (3, 3)])
 def test_threads_are_set_explicitly(network: Path, threads: int, expected: int) -> None:
-    options = Model.load(network, threads).session.get_session_options()
+    session: Any = Model.load(network, threads).session
+    options = session.get_session_options()
     assert options.intra_op_num_threads == expected
     assert options.inter_op_num_threads == 1
 

@@ -51,7 +51,9 @@ def test_the_network_is_not_loaded_where_a_command_seldom_needs_it(command: str)
 def test_the_network_of_one_photo_is_loaded_once(command: str) -> None:
     started = start_network(command)
     assert started
-    model = Model.from_session(started.take(), packaged_model())
+    session = started.take()
+    assert session is not None
+    model = Model.from_session(session, packaged_model())
     assert model.spec.name == "outdoor"
     assert started.take() is None
 
