@@ -20,7 +20,7 @@ import os
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 
@@ -32,7 +32,7 @@ from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec70
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.files import atomic_write
-from lighting.files.deflate import deflate, limit_packing_threads, pack_in_threads
+from lighting.files.deflate import CHUNK_ROWS, deflate_chunk, fits_half, limit_packing_threads, pack_in_threads
 from lighting.record_json import record_with_coefficients
 from lighting.records import Lighting, check_lighting
 from lighting.runtime import available_cpus
@@ -54,10 +54,6 @@ COMPRESSIONS = {"zip": "ZIP_COMPRESSION", "pxr24": "PXR24_COMPRESSION", "none": 
 _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
 
 _LAYOUT = frozenset({"compression", "type", "lineOrder", "channels"})  # attributes by which chunks lie otherwise
-_MAX_HALF = 65504.0  # the largest half float
-_MIN_NORMAL_HALF = 2.0**-14  # the least half float that has all its digits
-_MIN_ROW_MEAN = 2.0**-12  # of a row of half floats, beside which their steps of 2^-24 do not count
-_ROWS = 16  # that ZIP packs together, and that are worked on at once
 _THREADS = 4  # of OpenEXR, beyond which packing gets no faster
 _EFFORT = 1  # of PXR24, 1 to 9: a third less work than OpenEXR's own 4, for a seventh more bytes
 _BUFFER_BYTES = 1 << 20  # written at once; OpenEXR writes each 16 rows, with their offset and size, by themselves
@@ -85,22 +81,14 @@ def check_exr_compression(compression: str) -> None:
         raise EnvironmentMapError(f"The compression {compression!r} is not known; it must be one of {names}.")
 
 
-def _fits_half(image: NDArray[np.float32]) -> bool:
-    """Whether half floats hold the light of an image (H, W, 3): none of it is too bright, and no row too dark."""
-    if not (image.size and image.min() >= 0 and image.max() <= _MAX_HALF):  # false for NaN
-        return False
-    means = image.reshape(len(image), -1) @ np.tile(np.eye(3, dtype=np.float32) / image.shape[1], (image.shape[1], 1))
-    return bool(((means == 0) | (means >= _MIN_ROW_MEAN)).all())
-
-
 def row_bands(image: NDArray[_Kind]) -> Iterator[NDArray[_Kind]]:
     """Views of a few rows each, so that what is computed of one stays in the processor's cache.
 
     Args:
         image: (H, ...).
     """
-    for start in range(0, len(image), _ROWS):
-        yield image[start : start + _ROWS]
+    for start in range(0, len(image), CHUNK_ROWS):
+        yield image[start : start + CHUNK_ROWS]
 
 
 def set_compression_threads(count: int) -> None:
@@ -221,7 +209,7 @@ def _write_by_library(stream: BinaryIO, header: _Attributes, pixels: Image) -> N
 
 def _write_zip(stream: BinaryIO, header: _Attributes, pixels: Image) -> None:
     """Write an EXR in ZIP [1] as OpenEXR does, which has no igzip, to an empty stream that can seek."""
-    is_half = _fits_half(pixels)
+    is_half = fits_half(pixels)
     begun = io.BytesIO()
     OpenEXR.File(header, {"RGB": np.zeros((1, 1, 3), np.float16 if is_half else np.float32)}).write(begun)
     head = bytearray(begun.getvalue())
@@ -229,44 +217,17 @@ def _write_zip(stream: BinaryIO, header: _Attributes, pixels: Image) -> None:
         if name in (b"dataWindow", b"displayWindow"):
             struct.pack_into("<ii", head, value + 8, pixels.shape[1] - 1, len(pixels) - 1)
     del head[_end_of_header(head) :]
-    starts = range(0, len(pixels), _ROWS)
+    starts = range(0, len(pixels), CHUNK_ROWS)
     offsets, position = [], len(head) + 8 * len(starts)
     stream.write(head)
     stream.write(bytes(8 * len(starts)))
-    chunks = pack_in_threads(lambda start: _zip_rows(pixels[start : start + _ROWS], is_half=is_half), starts)
+    chunks = pack_in_threads(partial(deflate_chunk, pixels, is_half), starts)
     for start, data in zip(starts, chunks, strict=True):
         offsets.append(position)
         position += stream.write(struct.pack("<ii", start, len(data))) + stream.write(data)
     stream.seek(len(head))
     stream.write(struct.pack(f"<{len(offsets)}Q", *offsets))
     stream.seek(0, io.SEEK_END)
-
-
-def _zip_rows(rows: Image, *, is_half: bool) -> bytes:
-    """Rows (R, W, 3) as a chunk: B, G and R of each row; every other byte, then the rest; as differences; deflated."""
-    planes = np.ascontiguousarray(rows[..., ::-1].transpose(0, 2, 1))
-    raw = (_round_to_half(planes) if is_half else planes).view(np.uint8).reshape(-1)
-    halves = raw.reshape(-1, 2).T.reshape(-1)
-    differences = np.empty_like(halves)
-    differences[0] = halves[0]
-    np.subtract(halves[1:], halves[:-1], out=differences[1:])
-    differences[1:] += np.uint8(128)
-    data = deflate(differences)
-    return data if len(data) < raw.size else raw.tobytes()  # as readers tell by its length
-
-
-def _round_to_half(values: Image) -> NDArray[np.float16]:
-    """The nearest half floats, to even, of values (...) from 0 to 65504: of their bits, where none of them is tiny."""
-    if values.min() < _MIN_NORMAL_HALF:
-        return values.astype(np.float16)
-    bits = values.view(np.uint32)
-    rounded = bits >> np.uint32(13)
-    rounded &= np.uint32(1)
-    rounded += bits
-    rounded += np.uint32(0xFFF)  # just under half of a step; the bit before makes it half where that is even
-    rounded -= np.uint32(112 << 23)  # exponents of half floats count from 15, not from 127
-    rounded >>= np.uint32(13)
-    return rounded.astype(np.uint16).view(np.float16)
 
 
 def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:

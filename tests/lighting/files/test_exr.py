@@ -24,10 +24,10 @@ from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.fields import RANGES
 from lighting.files import FileOptions, encode_envmap, read_envmap
+from lighting.files.deflate import _round_to_half
 from lighting.files.exr import (
     _SET_EFFORT,
     COMPRESSIONS,
-    _round_to_half,
     read_exr,
     read_exr_attributes,
     set_compression_threads,
