@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 class _Compression(RegistryChoice):
     """How an EXR is packed; the error for another name says more where it once was one."""
 
-    def __init__(self) -> None:
-        super().__init__(_FILE_TEXTS["compression"].choices or tuple)
-
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         from lighting.files.exr import check_exr_compression
 
@@ -62,10 +59,8 @@ def _text_option(name: str, text: OptionText, default: object) -> Decorator:
     """The option of a field, by what people read of it everywhere."""
     names = f"--{name}/--no-{name}" if default is True else f"--{name}"
     kind: RegistryChoice | Number | type[int] | None = None
-    if name == "compression":
-        kind = _Compression()
-    elif text.choices is not None:
-        kind = RegistryChoice(text.choices)
+    if text.choices is not None:
+        kind = (_Compression if name == "compression" else RegistryChoice)(text.choices)
     elif isinstance(default, bool):
         return click.option(names, is_flag=True, default=default, show_default=default or None, help=_sentence(text))
     elif text.range is not None:
@@ -122,7 +117,6 @@ _SUN = click.option(
     default=None,
     help="Leave direct sunlight out.  [default: painted if it likely shines]",
 )
-_LATER_TEXTS = {name: text for name, text in option_texts(Adjustments).items() if name != "exposure"}
 _ADJUSTMENTS: dict[str, Decorator] = {  # by the parameters of a command
     "sun_direction": click.option(
         "--sun",
