@@ -17,12 +17,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from export.crops.crops import crop_rng
-from export.data.detail_library import (
-    level_views,
-    library_pictures,
-    read_detail_library,
-    write_detail_library,
-)
+from export.data.detail_library import level_views, library_pictures, read_detail_library, write_detail_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture, read_table
 from lighting.color import tone_map
 from lighting.envmap.detail_library import LIBRARY_PATH

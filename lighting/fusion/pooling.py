@@ -20,12 +20,7 @@ import numpy as np
 
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.prediction import Prediction
-from lighting.sun_grid import (
-    blur_headings,
-    grid_directions,
-    grid_solid_angle,
-    smooth_density,
-)
+from lighting.sun_grid import blur_headings, grid_directions, grid_solid_angle, smooth_density
 
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView

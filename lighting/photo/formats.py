@@ -28,8 +28,6 @@ _MAX_BRANDS = 64  # that are read
 _MAX_BOXES = 4096  # beside each other that are read
 _MAX_ITEMS = 1 << 16  # whose properties are read; a tile of a picture is an item
 
-_Box = tuple[bytes, int, int]  # kind, and where its content begins and ends
-
 
 def _heif_kind(data: bytes) -> _HeifKind | None:
     """Which kind of HEIF a file is, by its brands; None for what is none that is read.
