@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lighting.checksum import DATA_FOLDER
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import fit_in_box
-from lighting.onnx_session import Session, create_session, describe_onnx_error, packaged_network, weights_path
+from lighting.onnx_session import OnnxSession, create_session, describe_onnx_error, packaged_network, weights_path
 from lighting.prediction import Light, ModelSpec, Prediction
 from lighting.records import SURROUNDINGS_SHAPE
 from lighting.segmentation import CELL_PIXELS, SurfaceClass
@@ -50,7 +50,7 @@ class Picture(Protocol):
 class Model:
     """A loaded network; one may be shared by several threads."""
 
-    def __init__(self, session: Session, spec: ModelSpec) -> None:
+    def __init__(self, session: OnnxSession, spec: ModelSpec) -> None:
         self.session = session
         self.spec = spec
         names = {port.name for port in session.get_outputs()}
@@ -79,7 +79,7 @@ class Model:
         return cls.from_session(create_session(file, threads, for_one_run=for_one_photo), file)
 
     @classmethod
-    def from_session(cls, session: Session, file: Path) -> "Model":
+    def from_session(cls, session: OnnxSession, file: Path) -> "Model":
         """Make the network of an open session.
 
         Args:
@@ -192,7 +192,7 @@ def _shapes(spec: ModelSpec) -> dict[str, tuple[int, ...]]:
     }
 
 
-def _check_layout(session: Session, spec: ModelSpec, file: Path) -> None:
+def _check_layout(session: OnnxSession, spec: ModelSpec, file: Path) -> None:
     actual = {port.name: port.shape[1:] for port in [*session.get_inputs(), *session.get_outputs()]}
     optional = [name for name in OPTIONAL_OUTPUTS if name in actual]
     shapes = _shapes(spec)

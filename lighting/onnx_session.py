@@ -37,7 +37,7 @@ class _Description(Protocol):
     def custom_metadata_map(self) -> Mapping[str, str]: ...
 
 
-class Session(Protocol):
+class OnnxSession(Protocol):
     """A network that onnxruntime, which has no types, has opened, as far as one is used here."""
 
     def get_inputs(self) -> Sequence[_Port]: ...
@@ -48,7 +48,7 @@ class Session(Protocol):
     ) -> "list[NDArray[np.float32]]": ...
 
 
-def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Session:
+def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> OnnxSession:
     """Open an ONNX file in a session of onnxruntime on the CPU.
 
     Sessions for one run and for many add in one order, on any number of threads: both block the channels of
@@ -79,7 +79,7 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Se
     try:
         disabled = set(OMITTED_CHANGES if for_one_run else _REORDERING)
         providers = ["CPUExecutionProvider"]
-        session: Session = onnxruntime.InferenceSession(
+        session: OnnxSession = onnxruntime.InferenceSession(
             str(file), options, providers=providers, disabled_optimizers=disabled
         )
     except Exception as error:  # onnxruntime's errors share no public base class

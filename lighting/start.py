@@ -23,7 +23,7 @@ from lighting.runtime import ONE_BLAS_THREAD, keep_memory, reserve_heap
 if TYPE_CHECKING:
     from concurrent.futures import Future, ThreadPoolExecutor
 
-    from lighting.onnx_session import Session
+    from lighting.onnx_session import OnnxSession
 
 _BRIEF_COMMANDS = frozenset({"estimate", "envmap", "preview", "render"})  # that mostly end in less than a second
 _ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # that mostly run the network once
@@ -53,10 +53,10 @@ class StartedNetwork:
 
     thread: "ThreadPoolExecutor"
     """That loads it, and runs it."""
-    session: "Future[Session] | None"
+    session: "Future[OnnxSession] | None"
     """Of onnxruntime. None: it was taken."""
 
-    def take(self) -> "Session | None":
+    def take(self) -> "OnnxSession | None":
         """Return the session, for one use, after which it is gone; None where it was taken."""
         session, self.session = self.session, None
         return session.result() if session else None

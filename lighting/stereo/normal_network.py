@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lighting.checksum import DATA_FOLDER
 from lighting.errors import ModelError
-from lighting.onnx_session import Session, create_session, packaged_network
+from lighting.onnx_session import OnnxSession, create_session, packaged_network
 from lighting.stereo.normal_search import Image, SearchResult
 
 BY_IMAGE = 6  # planes of each image: relative brightness, difference to the search's fit, cosine to the sun, sun x y z
@@ -70,7 +70,7 @@ def _search_planes(search: SearchResult, size: Image, noise: float) -> Image:
 class Network:
     """A loaded network."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: OnnxSession) -> None:
         self.session = session
 
     @classmethod
