@@ -160,17 +160,19 @@ def _unpack(file: Path, number: int, data: Path, labels: Path, out: Path) -> Non
 
 
 @export_cli.command("suitable")
-@click.argument("runs", type=PATH, nargs=-1, required=True)
+@click.argument("file", type=PATH)
 @_data
-@_labels
-def _suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
-    """Fit the head that says whether a photo suits, on the features of finished runs that will answer together.
+@_option("--more", "Further folder with unsuitable.csv, whose pictures are learnt from.", multiple=True)
+@_option("--version", "Version of the network, if not the file's.", str)
+@_option("--out", "File to write. [default: FILE]", FILE)
+def _suitable(file: Path, data: Path, more: tuple[Path, ...], version: str | None, out: Path | None) -> None:
+    """Fit the head that says whether a photo suits, on what the networks of an ONNX file see, and write it there.
 
     Prints what it catches.
     """
     from export.training.suitability_head import fit_suitability_head
 
-    click.echo(fit_suitability_head(runs, data, labels))
+    click.echo(fit_suitability_head(file, data, more, out or file, version))
 
 
 @export_cli.command("segments")

@@ -52,7 +52,6 @@ train --start runs/e15 --out runs/e17 --crops 84000 "${sun[@]}" "${towns[@]}"
 train --start runs/e17 --out runs/e18 --crops 84000 "${sun[@]}" "${towns[@]}"
 merge runs/e17 runs/e18 --out runs/e19
 train --start runs/e19 --out runs/e20 --crops 60000 "${sun[@]}" "${towns[@]}"
-python -m export suitable runs/d2 runs/e20 --data "$data"
 
 # The camera, from C, too.
 train --start runs/c --out runs/c2 --crops 48000 "${camera[@]}" --aimed 0.1 --learning-rate 6e-4
@@ -63,6 +62,7 @@ merge runs/c4 runs/c5 --out runs/c6
 
 python -m export onnx runs/d2 runs/e20 --camera runs/c6 --elevation-scale 75 --temperature 0.76 --version 2.5.0 \
   --out "$out"
+python -m export suitable "$out" --data "$data"
 
 # Constants that the package has by this network; `fit ground` also takes --seen, by a network that knows fewer places.
 for name in sky-color ground sun-power sun-color; do

@@ -34,10 +34,10 @@ for name in d e; do
   train --start "runs/${name}31" --out "runs/${name}34" --crops 298000 --learning-rate 6e-4 --surroundings --mirrored \
     "${crops[@]}" "${teachers[@]}"
 done
-python -m export suitable runs/d34 runs/e34 --data "$data"
 
 train --start runs/c25 --out runs/c34 --crops 298000 --learning-rate 3.6e-4 --only-camera --mirrored "${crops[@]}"
 
 python -m export segments --data "$data" --teacher segments-1.1.0.onnx
 python -m export onnx runs/d34 runs/e34 --camera runs/c34 --segments runs/segments --elevation-scale 60 \
   --temperature 0.8 --version 3.0.0 --out "$out"
+python -m export suitable "$out" --data "$data"

@@ -21,8 +21,8 @@ python -m export unpack "$file" 2 --data "$data" --out runs/c34
 
 python -m export train --network transformer --data "$data" --tune-share 0 --version 4.0.0 --out runs/v43 \
   --crops 176000 --learning-rate 1e-3 --first-width 14 --surroundings --joined 0.2 --aimed 0.2 --photos-share 0.33
-python -m export suitable runs/v43 --data "$data"
 
 python -m export segments --data "$data" --teacher segments-1.1.0.onnx # made as in recipe_3_0_0.sh
 python -m export onnx runs/v43 --sun runs/d34 --camera runs/c34 --segments runs/segments --elevation-scale 60 \
   --temperature 0.8 --version 4.0.0 --out "$out"
+python -m export suitable "$out" --data "$data"

@@ -222,11 +222,16 @@ def load_sources(panoramas: Sequence[Panorama], labels: str | Path) -> list[Sour
         labels: CSV file of `python -m export label`.
     """
     with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(_load_source, panoramas, read_labels_of(panoramas, labels)))
+        return list(pool.map(load_source, panoramas, read_labels_of(panoramas, labels)))
 
 
-def _load_source(panorama: Panorama, label: Label) -> Source:
-    """Read a panorama and halve it repeatedly, down to _MIN_ROWS or a little more."""
+def load_source(panorama: Panorama, label: Label) -> Source:
+    """Read a panorama and halve it repeatedly, down to _MIN_ROWS or a little more.
+
+    Args:
+        panorama: a row of the index.
+        label: of the panorama.
+    """
     levels = [read_picture(panorama)]
     while levels[-1].shape[0] >= 2 * _MIN_ROWS:
         levels.append(_halve(levels[-1]))

@@ -227,7 +227,7 @@ def _quantize(name: str, weights: NDArray[np.float32], axis: int, min_bytes: int
     return [bytes_, scales], [helper.make_node("DequantizeLinear", [bytes_.name, scales.name], [name], axis=axis)]
 
 
-def _save_graph(model: Any, path: Path) -> None:
+def save_graph(model: Any, path: Path) -> None:
     """Write a checked model as a graph and, beside it, its weights; the model in memory keeps them."""
     weights = weights_path(path)
     weights.unlink(missing_ok=True)  # otherwise they are appended to what it holds
@@ -264,7 +264,7 @@ def fuse_nodes(path: Path) -> None:
         model = onnx.load(str(fused))
     domains = {node.domain for node in model.graph.node}
     _replace(model.opset_import, [entry for entry in model.opset_import if entry.domain in domains])
-    _save_graph(model, path)
+    save_graph(model, path)
 
 
 def quantize_products(model: Any) -> bool:
@@ -541,7 +541,7 @@ def write_onnx(
         example = torch.zeros(2, 3, spec.height, spec.width)
         model = trace_onnx(ensemble, example, ensemble.outputs, {0: torch.export.Dim("batch", min=1)})
         add_metadata(model, {"spec": spec.to_json(), **_readable(spec), **metadata})
-        _save_graph(model, path)
+        save_graph(model, path)
         _check(_parity(ensemble, path), _TOLERANCE)
         strip_origin(model)
         _merge_equal_nodes(model)
@@ -549,7 +549,7 @@ def write_onnx(
         tolerance = _WHOLE_TOLERANCE if quantize_products(model) else ROUNDED_TOLERANCE
         model, difference = _store_as_small_as_agrees(model, ensemble, path, tolerance)
         add_metadata(model, {"parity": f"{difference:.2e}"})
-        _save_graph(model, path)
+        save_graph(model, path)
         fuse_nodes(path)
         weights_path(path).replace(weights_path(target))
         path.replace(target)
@@ -567,7 +567,7 @@ def _store_as_small_as_agrees(model: Any, ensemble: _Ensemble, path: Path, toler
     for min_bytes in (MIN_BYTES, sys.maxsize):
         small = copy.deepcopy(model)
         store_small(small, min_bytes)
-        _save_graph(small, path)
+        save_graph(small, path)
         difference = _parity(ensemble, path)
         if difference <= tolerance:
             break

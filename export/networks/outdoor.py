@@ -180,15 +180,6 @@ class Outdoor(nn.Module):
         sun, raw = self.sun(features), self.values(features)
         return NetworkOutput(sun, raw, sun_in_view, surroundings, camera, light, suitable)
 
-    def pooled(self, photo: Tensor) -> Tensor:
-        """Numbers (B, 1280) that tell what is in the picture.
-
-        Args:
-            photo: (B, 3, H, W).
-        """
-        features: Tensor = self.backbone(photo)[2]
-        return features
-
 
 def _head(features: int, outputs: int) -> nn.Sequential:
     first, last = nn.Linear(features, _HIDDEN), nn.Linear(_HIDDEN, outputs)

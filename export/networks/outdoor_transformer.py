@@ -29,6 +29,7 @@ from lighting.sun_grid import grid_directions
 
 DEPTH = 9  # blocks; features that were never trained further for the sun are best in the sixth
 _READ = (6, DEPTH)  # blocks whose tokens the heads see
+TOKENS = 2 * len(_READ) * WIDTH  # numbers of the class tokens and means, which the features begin with
 _HIDDEN = 1280  # numbers between a block's two layers; the file stays small, and the others vary least
 _FROZEN = 3  # blocks that keep their weights: what they detect is the same in any picture
 _DROP_PATH = 0.1
@@ -56,13 +57,13 @@ class OutdoorTransformer(nn.Module):
         self.trunk = VisionTransformer(DEPTH, _DROP_PATH, _HIDDEN)
         self.norms = nn.ModuleList(nn.LayerNorm(WIDTH) for _ in _READ)
         self.where = nn.Linear(len(_READ) * WIDTH, _LAYOUT)
-        self.reduce = nn.Linear(2 * len(_READ) * WIDTH + _LAYOUT * (self.side // 2) ** 2, _REDUCED)
+        self.reduce = nn.Linear(TOKENS + _LAYOUT * (self.side // 2) ** 2, _REDUCED)
         self.sun = _head(384, len(grid_directions(spec.sun_grid)))
         self.values = _head(192, len(PARAMETERS))
         self.camera = _head(320, 3 * BINS)
         self.light = _head(192, LIGHT) if has_surroundings else None
         self.around = _head(256, 3 * CELLS) if has_surroundings else None
-        self.suitable = nn.Linear(len(_READ) * WIDTH, 1) if has_surroundings else None
+        self.suitable = nn.Linear(self.reduce.in_features, 1) if has_surroundings else None
         with torch.no_grad():
             last = self.sun[-1]
             assert isinstance(last, nn.Linear)
@@ -72,20 +73,12 @@ class OutdoorTransformer(nn.Module):
             load_wheel(self.trunk)
 
     def forward(self, photo: Tensor) -> NetworkOutput:
-        tokens, seen = self._tokens(photo)
-        reduced, empty = self.reduce(self._features(tokens, seen)), photo[:, 0, 0, :0]
+        features, empty = self._features(*self._tokens(photo)), photo[:, 0, 0, :0]
+        reduced = self.reduce(features)
         camera = self.camera(reduced).reshape(-1, 3, BINS)
         light, around = (head(reduced) if head else empty for head in (self.light, self.around))
-        suitable = self.suitable(tokens[:, 0]) if self.suitable else empty
+        suitable = self.suitable(features) if self.suitable else empty
         return NetworkOutput(self.sun(reduced), self.values(reduced), empty, around, camera, light, suitable)
-
-    def pooled(self, photo: Tensor) -> Tensor:
-        """Numbers (B, 768) that tell what is in the picture: class tokens.
-
-        Args:
-            photo: (B, 3, H, W), normalised as canvases are.
-        """
-        return self._tokens(photo)[0][:, 0]
 
     def rate_groups(self) -> list[dict[str, Any]]:
         """What learns, each group with its scale of the learning rate: the earlier a block, the less it learns."""

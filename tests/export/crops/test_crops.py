@@ -16,13 +16,13 @@ from export.crops.crops import (
     Camera,
     Source,
     Stretch,
-    _load_source,
     _phone_camera,
     aimed_camera,
     anisotropic_scale,
     crop_panorama,
     crop_rng,
     is_resolved,
+    load_source,
     paper_camera,
     random_stretch,
     sampling_weights,
@@ -115,7 +115,7 @@ def test_sources_are_halved_for_wide_views(tmp_path: Path) -> None:
     from PIL import Image
 
     Image.new("RGB", (1536, 768), (10, 200, 30)).save(tmp_path / "p.png")
-    loaded = _load_source(Panorama("p", tmp_path / "p.png", "ldr", "a", "train"), label())
+    loaded = load_source(Panorama("p", tmp_path / "p.png", "ldr", "a", "train"), label())
     assert [level.shape[0] for level in loaded.levels] == [768, 384, 192]
     assert all((level == [10, 200, 30]).all() for level in loaded.levels)
     crop = crop_panorama(loaded, Camera(0.0, 0.0, 0.0, 80.0, 1.0), EXAMPLES_SPEC)

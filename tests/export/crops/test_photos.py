@@ -26,10 +26,9 @@ from export.data.panoramas import DataError
 from export.training.suitability_head import (
     SYNTHETIC_KINDS,
     UNSUITABLE_TABLE,
+    _made_pictures,
     _read_unsuitable,
     _synthesize,
-    _Unsuitable,
-    _unsuitable_pictures,
     _vary,
 )
 from lighting.color import tone_map
@@ -137,6 +136,7 @@ def test_data_without_photos_are_refused(data: Path) -> None:
 
 
 CROP = np.tile(np.linspace(20, 220, 224).astype(np.uint8)[None, :, None], (168, 1, 3))
+PANORAMA = source().levels[-1]
 
 
 def test_listed_pictures_are_read_and_varied(tmp_path: Path) -> None:
@@ -152,28 +152,25 @@ def test_listed_pictures_are_read_and_varied(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", SYNTHETIC_KINDS)
 def test_made_pictures_fit_the_canvas(kind: str) -> None:
-    picture = _synthesize(kind, CROP, source(), np.random.default_rng(1), EXAMPLES_SPEC)
+    picture = _synthesize(kind, CROP, PANORAMA, np.random.default_rng(1), EXAMPLES_SPEC)
     assert picture.dtype == np.uint8
     assert max(picture.shape[:2]) <= EXAMPLES_SPEC.width
 
 
 def test_what_is_made_is_what_it_is_called() -> None:
     rng = np.random.default_rng(2)
-    side = _synthesize("on its side", CROP, source(), rng, EXAMPLES_SPEC)
+    side = _synthesize("on its side", CROP, PANORAMA, rng, EXAMPLES_SPEC)
     assert side.shape == (224, 168, 3)
     assert np.ptp(side[:, 0, 0].astype(int)) > 150
-    assert _synthesize("night", CROP, source(), rng, EXAMPLES_SPEC).mean() < 0.5 * CROP.mean()
-    assert _synthesize("black", CROP, source(), rng, EXAMPLES_SPEC).mean() < 12
-    assert _synthesize("blown out", CROP, source(), rng, EXAMPLES_SPEC).mean() > 230
-    assert _synthesize("whole panorama", CROP, source(), rng, EXAMPLES_SPEC).shape == (112, 224, 3)
+    assert _synthesize("night", CROP, PANORAMA, rng, EXAMPLES_SPEC).mean() < 0.5 * CROP.mean()
+    assert _synthesize("black", CROP, PANORAMA, rng, EXAMPLES_SPEC).mean() < 12
+    assert _synthesize("blown out", CROP, PANORAMA, rng, EXAMPLES_SPEC).mean() > 230
+    assert _synthesize("whole panorama", CROP, PANORAMA, rng, EXAMPLES_SPEC).shape == (112, 224, 3)
 
 
 def test_every_kind_gets_its_turn() -> None:
-    crops = iter([(CROP, source())] * 2 * len(SYNTHETIC_KINDS))
-    kinds = [
-        kind for kind, _ in _unsuitable_pictures([_Unsuitable("indoor", "somebody", CROP)], crops, 3, EXAMPLES_SPEC)
-    ]
-    assert kinds == ["indoor"] * 3 + [*SYNTHETIC_KINDS] * 2
+    crops = [(CROP, PANORAMA)] * 2 * len(SYNTHETIC_KINDS)
+    assert [kind for kind, _ in _made_pictures(crops, EXAMPLES_SPEC)] == [*SYNTHETIC_KINDS] * 2
 
 
 def table(folder: Path, *rows: str) -> None:

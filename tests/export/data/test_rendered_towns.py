@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from export.__main__ import export_cli
-from export.crops.crops import Camera, _load_source, crop_panorama
+from export.crops.crops import Camera, crop_panorama, load_source
 from export.data import rendered_towns
 from export.data.labels import read_labels, write_labels
 from export.data.panoramas import DataError, read_index
@@ -144,7 +144,7 @@ def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
     again = rendered_towns._render_town(1, 32)
     assert again.label.sun_elevation == pytest.approx(labels[1].sun_elevation, rel=1e-5)
     crop = crop_panorama(
-        _load_source(panoramas[1], labels[1]), Camera(20, 0, 0, 60, 4 / 3), network_specs("0")["outdoor"]
+        load_source(panoramas[1], labels[1]), Camera(20, 0, 0, 60, 4 / 3), network_specs("0")["outdoor"]
     )
     assert np.isfinite(crop.linear).all()
 

@@ -24,9 +24,9 @@ from export.networks.onnx_export import (
     _flatten_pointwise,
     _merge_equal_nodes,
     _parity,
-    _save_graph,
     fuse_nodes,
     quantize_products,
+    save_graph,
     store_small,
     write_onnx,
 )
@@ -159,7 +159,7 @@ def test_large_pointwise_convolutions_run_along_one_axis_and_answer_alike_in_eve
     np.testing.assert_allclose(answer(network, x), before, rtol=1e-4, atol=1e-4 * np.abs(before).max())
     store_small(network)
     file = tmp_path / "n.onnx"
-    _save_graph(network, file)
+    save_graph(network, file)
     sessions = [create_session(file, threads, for_one_run=one) for threads, one in ((1, False), (1, True), (3, True))]
     answers = [session.run(None, {"x": x})[0] for session in sessions]
     np.testing.assert_array_equal(answers[1], answers[0])
@@ -176,7 +176,7 @@ def test_fused_nodes_give_the_same_bits_by_the_same_weights(tmp_path: Path) -> N
     network = _model(nodes, tensors, ["B", 64, 7, 7])
     store_small(network)
     file, x = tmp_path / "n.onnx", RNG.normal(size=(2, 64, 7, 7)).astype(np.float32)
-    _save_graph(network, file)
+    save_graph(network, file)
     before, weights = (create_session(file, 1).run(None, {"x": x})[0], weights_path(file).read_bytes())
     fuse_nodes(file)
     assert [node.op_type for node in onnx.load(file).graph.node] == ["Cast", "FusedConv"]
@@ -206,7 +206,7 @@ def test_weights_lie_beside_the_graph_and_answer_the_same(tmp_path: Path) -> Non
     x = RNG.normal(size=(3, 100)).astype(np.float32)
     before, file = answer(network, x), tmp_path / "n.onnx"
     for _ in range(2):
-        _save_graph(network, file)
+        save_graph(network, file)
         assert weights_path(file).stat().st_size < 2 * (FIRST.size + SECOND.size) + 8192
     np.testing.assert_array_equal(answer(network, x), before)
     session = create_session(file, 1)

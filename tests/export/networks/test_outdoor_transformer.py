@@ -10,7 +10,7 @@ from export.crops.targets import CELLS
 from export.networks.backbone import NetworkOutput
 from export.networks.outdoor import BINS, LIGHT, network_specs
 from export.networks.outdoor_transformer import DEPTH, OutdoorTransformer
-from export.networks.vision_transformer import PATCH, WIDTH
+from export.networks.vision_transformer import PATCH
 from export.networks.weights import read_network, write_run
 
 SPEC = network_specs("0")["transformer"]
@@ -40,7 +40,6 @@ def test_every_head_answers_but_that_of_a_sun_in_view(network: OutdoorTransforme
     output = answers(network, torch.cat([canvas(12), canvas(16)]))
     shapes = [tuple(part.shape) for part in output]
     assert shapes == [(2, 1024), (2, 6), (2, 0), (2, 3 * CELLS), (2, 3, BINS), (2, LIGHT), (2, 1)]
-    assert network.pooled(canvas(12)).shape == (1, 2 * WIDTH)
 
 
 def test_a_photo_answers_alike_alone_and_among_others(network: OutdoorTransformer) -> None:
