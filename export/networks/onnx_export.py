@@ -228,7 +228,12 @@ def _quantize(name: str, weights: NDArray[np.float32], axis: int, min_bytes: int
 
 
 def save_graph(model: Any, path: Path) -> None:
-    """Write a checked model as a graph and, beside it, its weights; the model in memory keeps them."""
+    """Write a checked model as a graph and, beside it, its weights; the model in memory keeps them.
+
+    Args:
+        model: the ONNX model.
+        path: the ONNX file to write; its weights go to `weights_path(path)`.
+    """
     weights = weights_path(path)
     weights.unlink(missing_ok=True)  # otherwise they are appended to what it holds
     saved = onnx.ModelProto()
