@@ -9,7 +9,6 @@ Packings are those of EXR files of example photos, by one thread, beside OpenIma
 
 import argparse
 import io
-import os
 import sys
 import tempfile
 import time
@@ -18,7 +17,6 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,17 +34,14 @@ from benchmarks.common import (
 from benchmarks.load import RECORD, processor_time, run, started
 from benchmarks.video import make_clip
 from lighting import estimate
-from lighting.envmap.render import render
 from lighting.files import FileOptions, encode_envmap
-from lighting.files.exr import COMPRESSIONS, read_exr, set_compression_threads, write_exr
+from lighting.files.exr import COMPRESSIONS, read_exr, set_compression_threads
 from lighting.map_options import MapOptions
-from lighting.records import Lighting
 
 SIZE = (1600, 1200)  # of the photos, pixels
-HEIGHTS = (128, 256, 512, 1024, 2048, 4096)
+HEIGHTS = (256, 512, 1024, 2048, 4096)  # of maps, rows
 _MAPS = 4  # of example photos
 CLIENTS = (1, 2, 4, 8, 16, 32, 64)
-LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.021)
 
 
 def photos_table(counts: list[int]) -> Iterator[str]:
@@ -94,29 +89,15 @@ def films_table(lengths: list[float]) -> Iterator[str]:
             yield f"| {length:g} | {cost.processor_seconds:.1f} | {cost.peak:.0f} |"
 
 
-def heights_table(runs: int) -> Iterator[str]:
-    """Milliseconds to render and to write a map by its height, the system's share of rendering, and the file's size."""
-    names = "height | render, ms | ns per pixel | system time | write EXR, ms | ns per pixel | EXR, MB"
-    yield f"| {names} |\n|{' ---: |' * 7}"
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "sky.exr"
+def heights_table() -> Iterator[str]:
+    """Processor time and peak memory of `lighting envmap` by the rows of the map, and the file's size."""
+    yield f"| rows | CPU s | MB | EXR, MB |\n|{' ---: |' * 4}"
+    with tempfile.TemporaryDirectory() as name:
+        run_apart(make_photo, photo := Path(name, "photo.jpg"))
         for height in HEIGHTS:
-            image, pixels = render(LIGHT, height), 2 * height * height
-            work = {"render": lambda h=height: render(LIGHT, h), "write": lambda i=image: write_exr(target, i, LIGHT)}
-            took = measure_milliseconds(work, max(5, min(runs, runs * 512 // height)))
-            system = system_share(work["render"], max(5, runs * 512 // height))
-            rendered, written = (f"{took[name]:.1f} | {1e6 * took[name] / pixels:.1f}" for name in work)
-            yield f"| {height} | {rendered} | {100 * system:.0f} % | {written} | {target.stat().st_size / 1e6:.2f} |"
-
-
-def system_share(work: Callable[[], Any], runs: int) -> float:
-    """The part (0 to 1) of the processor time that the operating system takes, as for fresh memory."""
-    before = os.times()
-    for _ in range(runs):
-        work()
-    after = os.times()
-    user, system = after.user - before.user, after.system - before.system
-    return system / (user + system)
+            target = Path(name, f"{height}.exr")
+            cost = run_lighting("envmap", photo, "-o", target, "--height", height, "-q")
+            yield f"| {height} | {cost.processor_seconds:.2f} | {cost.peak:.0f} | {target.stat().st_size / 1e6:.2f} |"
 
 
 def clients_table(seconds: float) -> Iterator[str]:
@@ -192,7 +173,7 @@ def main() -> None:
     tables = {
         "photos": lambda: photos_table(options.photos),
         "megapixels": lambda: megapixels_table(options.megapixels),
-        "heights": lambda: heights_table(options.runs),
+        "heights": heights_table,
         "films": lambda: films_table(options.films),
         "clients": lambda: clients_table(options.seconds),
         "packings": lambda: packings_table(options.runs),
