@@ -170,7 +170,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=15)
     parser.add_argument("--seconds", type=float, default=4.0, help="for each number of clients")
     options = parser.parse_args()
-    tables = {
+    tables: dict[str, Callable[[], Iterator[str]]] = {
         "photos": lambda: photos_table(options.photos),
         "megapixels": lambda: megapixels_table(options.megapixels),
         "heights": heights_table,
