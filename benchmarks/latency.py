@@ -26,6 +26,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from contextlib import ExitStack
+from ctypes.util import find_library
 from dataclasses import replace
 from importlib.util import find_spec
 from itertools import count
@@ -54,8 +55,6 @@ from benchmarks.common import (
     take_turns,
     warm_worker,
 )
-from export.data.panoramas import DataError
-from export.data.rendered_towns import find_llvm
 from lighting.calibration import LINES_SIDE, calibrate_from_lines
 from lighting.envmap.detail_library import DetailSource, load_detail_library
 from lighting.envmap.projection import photo_camera, size_in_envmap
@@ -147,14 +146,10 @@ def mitsuba_evaluator(light: Lighting, directions: NDArray[Any]) -> tuple[str, C
 
 
 def _mitsuba_variant() -> str | None:
-    """Mitsuba's LLVM variant if it finds a usable LLVM, else the scalar one, which takes one direction per call."""
-    try:
-        find_llvm()
-    except DataError:
+    """Mitsuba's LLVM variant if LLVM 19 is installed: with an old one, it ends the process."""
+    if find_spec("mitsuba") is None or find_library("LLVM-19") is None:
         return None
-    import mitsuba
-
-    return "llvm_ad_rgb" if "llvm_ad_rgb" in mitsuba.variants() else None
+    return "llvm_ad_rgb"
 
 
 def _z_up(vector: Any) -> NDArray[Any]:

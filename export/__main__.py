@@ -78,71 +78,49 @@ def _list(data: Path, out: Path, taught: tuple[tuple[str, Path], ...]) -> None:
 
 
 @export_cli.command("synthesize")
-@_option("--out", "Folder to fill; places that it holds are kept.", default="runs/towns")
-@_option("--count", "Places in all.", click.IntRange(1), 1000)
-@_share("--val", 0.0, "Share of the places for `evaluate`; the rest is for training.")
+@_option("--out", "Folder to fill.", default="runs/places")
+@_option("--count", "Panoramas, two of a place; every third place is for `evaluate`.", click.IntRange(1), 120)
 @_option("--height", "Rows of each panorama.", click.IntRange(32), 256)
-@_option("--samples", "JPEG file to write: one crop of each of the first 48 places.", FILE)
-def _synthesize(out: Path, count: int, val: float, height: int, samples: Path | None) -> None:
-    """Render places with exact labels to train on; each takes two to three seconds on two cores."""
-    from export.data.rendered_towns import render_towns as run
+def _synthesize(out: Path, count: int, height: int) -> None:
+    """Render simple places under a sky, to try training without data of one's own; each takes a second."""
+    from export.data.rendered_panoramas import render_folder
 
-    run(out, count, height, val)
-    if samples:
-        from export.training.dataset import write_samples
-
-        write_samples(out, samples)
+    render_folder(out, count, height)
 
 
 @export_cli.command("train")
 @_data
 @_labels
 @_option("--out", "Folder of the run; a run with a checkpoint is resumed. [default: runs/NETWORK]")
-@_option("--network", "Network to train.", click.Choice(["outdoor", "transformer", "cvpr2017"]), "outdoor")
+@_option("--network", "Network to train.", click.Choice(["outdoor", "transformer"]), "outdoor")
 @_option("--crops", "Crops drawn in all.", click.IntRange(1), 100_000)
 @_option("--batch", "Crops per step.", click.IntRange(2), 32)
 @_option("--learning-rate", "Highest learning rate.", click.FloatRange(0, 1), 8e-4)
 @_option("--version", "Version of the network, for its metadata.", str, "1.0.0")
 @_flag("--licensed-only", "Train on permissively licensed panoramas and photos only.")
 @_option("--first-width", "Degrees by which sun targets are wider at first.", click.FloatRange(0, 90), 0.0)
-@_flag("--scratch", "Start from random weights instead of ImageNet's.")
 @_option("--start", "Folder of an earlier run to start from. [default: ImageNet's weights]")
 @_option("--teacher", "Folder of a finished run to learn from as well; repeatable.", multiple=True)
-@_option("--synthetic", "Folder of `synthesize`, whose places are mixed in.")
-@_share("--synthetic-share", 0.3, "Share of the crops that show synthetic places.")
 @_share("--aimed", 0.2, "Share of the crops of panoramas with a visible sun whose camera is turned towards it.")
 @_share("--joined", 0.0, "Share of the crops divided by a line between two places under the same sun.")
-@_share("--stretched", 0.0, "Share of the crops that show a stretched world, its sun and shadows with it.")
 @_flag("--surroundings", "Also learn the light all around the camera and its power.")
 @_share("--photos-share", 0.0, "Share of the crops that show the photos of photos_train.csv.")
 @_flag("--mirrored", "Also learn from every crop's mirror image; needs --teacher or --only-camera.")
-@_flag("--only-seen", "Train only the head that says where in the picture the sun is seen.")
 @_flag("--only-camera", "Train only for the camera's elevation, roll and field of view.")
 @_share("--tune-share", 0.08, "Share of the places that are held out for the log.")
 @_option("--workers", "Processes that cut crops.", click.IntRange(0), 2)
-def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ...], **settings: Any) -> None:
+def _train(out: Path | None, network: str, teacher: tuple[Path, ...], **settings: Any) -> None:
     """Train a network, or resume a run that was stopped. Uses a GPU if there is one."""
-    from export.networks.outdoor import TARGET_WIDTH
     from export.training.dataset import TrainConfig
     from export.training.loop import train_network as run
 
-    one_head = settings["only_seen"] or settings["only_camera"]
-    if network == "cvpr2017" and (one_head or settings["surroundings"] or teacher):
-        options = "--only-seen, --only-camera, --surroundings and --teacher"
-        raise click.UsageError(f"{options} are not for the network cvpr2017.")
-    if network == "transformer" and settings["only_seen"]:
-        raise click.UsageError("--only-seen is not for the network transformer, which has no such head.")
-    if settings["start"] and scratch:
-        raise click.UsageError("Choose one of --start and --scratch.")
-    if settings["only_seen"] and settings["only_camera"]:
-        raise click.UsageError("Choose one of --only-seen and --only-camera.")
-    if teacher and one_head:
-        raise click.UsageError("--teacher answers for all heads; leave out --only-seen and --only-camera.")
+    if teacher and settings["only_camera"]:
+        raise click.UsageError("--teacher answers for all heads; leave out --only-camera.")
     if settings["mirrored"] and not (teacher or settings["only_camera"]):
         raise click.UsageError("--mirrored needs --teacher or --only-camera: crops say nothing of a mirrored sun.")
     settings |= {"out": out or Path("runs") / network, "teachers": tuple(map(str, teacher))}
-    settings |= {name: str(settings[name] or "") for name in ("data", "labels", "out", "start", "synthetic")}
-    run(TrainConfig(**settings, network=network, target_width=TARGET_WIDTH[network], pretrained=not scratch))
+    settings |= {name: str(settings[name] or "") for name in ("data", "labels", "out", "start")}
+    run(TrainConfig(**settings, network=network))
 
 
 @export_cli.command("unpack")
@@ -179,14 +157,11 @@ def _suitable(file: Path, data: Path, more: tuple[Path, ...], version: str | Non
 @_data
 @_option("--teacher", "ONNX file of the network that answers for pictures without grids.", required=True)
 @_option("--out", "Folder to write, for `onnx --segments`.", PATH, "runs/segments")
-@_flag("--cross-validate", "Write nothing; print what heads without a teacher find on groups that they never saw.")
-def _segments(data: Path, teacher: Path, out: Path, cross_validate: bool) -> None:
+def _segments(data: Path, teacher: Path, out: Path) -> None:
     """Train the head that says what each part of a photo shows; ten minutes on two cores."""
-    from export.training import segmentation
+    from export.training.segmentation import train_segmentation
 
-    click.echo(
-        segmentation.cross_validate(data) if cross_validate else segmentation.train_segmentation(data, teacher, out)
-    )
+    click.echo(train_segmentation(data, teacher, out))
 
 
 @export_cli.command("kinds")
@@ -211,16 +186,6 @@ def _prior(data: Path, labels: Path) -> None:
     from export.crops.photos import fit_elevation_prior
 
     click.echo(fit_elevation_prior(data, labels))
-
-
-@export_cli.command("merge")
-@click.argument("runs", type=PATH, nargs=-1, required=True)
-@_option("--out", "Folder to write; it then holds a run like any other.", required=True)
-def _merge(runs: tuple[Path, ...], out: Path) -> None:
-    """Average the weights of runs with a common beginning."""
-    from export.networks.weights import average_weights as run
-
-    run(runs, out)
 
 
 @export_cli.command("onnx")
@@ -261,7 +226,7 @@ def _onnx(
 @_data
 @_labels
 @_option("--model", "Network to score. [default: the one in the package]")
-@_option("--compare", "Further networks, such as the CVPR 2017 one.", multiple=True)
+@_option("--compare", "Further networks.", multiple=True)
 @_option("--out", "Folder for the report and the crops' errors.", default="runs/evaluation")
 @_flag("--with-metadata", "Also score answers with simulated time, place, compass and lens, and with several views.")
 @_flag("--relight", "Also relight objects with the estimated environment maps, and judge their light by weather.")
@@ -291,21 +256,6 @@ def _card(evaluation: Path | None) -> None:
     from export.evaluation.model_card import publish_evaluation, write_card
 
     click.echo(publish_evaluation(evaluation) if evaluation else write_card())
-
-
-@export_cli.command("explain")
-@click.argument("photos", type=PATH, nargs=-1, required=True)
-@click.option("-o", "--out", type=FILE, help="PNG or JPEG file to write.", default="explained.png", show_default=True)
-@_network
-def _explain(photos: tuple[Path, ...], out: Path, model: Path | None) -> None:
-    """Paint what the network looks at in PHOTOS.
-
-    Orange parts speak for its answer about the sun, blue ones against it.
-    """
-    from export.evaluation.occlusion import write_occlusion
-    from lighting.model import Model
-
-    write_occlusion(Model.load(model), photos, out)
 
 
 @export_cli.command("fit")
@@ -345,17 +295,6 @@ def _probe() -> None:
     from export.reports.probe import report_probe
 
     click.echo(report_probe())
-
-
-@_report.command("shadow-mask")
-@_option("--count", "Photos of rendered places.", click.IntRange(1), 24)
-@_network
-def _shadow_mask(count: int, model: Path | None) -> None:
-    """How well the shade on the ground is found, and what shadows that are put there then look like."""
-    from export.reports.shadow_mask import report_shadow_mask
-    from lighting.model import Model
-
-    click.echo(report_shadow_mask(Model.load(model), count))
 
 
 @_report.command("ground")
@@ -436,16 +375,6 @@ def _light_balls(data: Path, count: int | None, model: Path | None) -> None:
     click.echo(report_light_balls(data, Model.load(model), count))
 
 
-@_report.command("sky-models")
-@_data
-@_option("--split", "Panoramas to compare. [both]", click.Choice(["train", "val"]))
-def _sky_models(data: Path, split: str | None) -> None:
-    """How near clear skies by Hosek and Wilkie and by the Prague model come to HDR panoramas."""
-    from export.reports.sky_models import report_sky_models
-
-    click.echo(report_sky_models(data, split))
-
-
 @_report.command("photo-sets")
 @_data
 @_option("--count", "At most so many places. [all]", click.IntRange(1))
@@ -460,15 +389,7 @@ def _photo_sets(data: Path, count: int | None, model: Path | None, parts: tuple[
 
 @export_cli.group("stereo", cls=Group)
 def _stereo() -> None:
-    """Outdoor photometric stereo: its noise, its normals, its network."""
-
-
-@_stereo.command("gain")
-def _normals_gain() -> None:
-    """Print what the noise gain predicts beside what simulated noise does; a minute or two on two cores."""
-    from export.stereo.noise_gain import print_noise_gain
-
-    print_noise_gain(click.echo)
+    """Outdoor photometric stereo: its normals, its network."""
 
 
 @_stereo.command("train")
@@ -508,7 +429,7 @@ def _normals_onnx(run: Path, version: str, out: Path | None) -> None:
 def _normals_evaluate(data: Path, network: Path | None, quick: bool, tables: tuple[Any, ...]) -> None:
     """Print how far normals are off on shapes and latitudes that training never saw; a quarter of an hour.
 
-    Tables: seasons, wrong, photos, heading, turbidity, gloss, expected.
+    Tables: seasons, wrong, expected.
     """
     from export.stereo.evaluate import TABLES
     from export.stereo.evaluate import evaluate_normals as run
@@ -517,14 +438,6 @@ def _normals_evaluate(data: Path, network: Path | None, quick: bool, tables: tup
     if unknown := set(tables).difference(TABLES):
         raise click.BadParameter(f"{min(unknown)} is no table; give one of {', '.join(TABLES)}.", param_hint="--table")
     run(data, Network.load(network), click.echo, quick=quick, tables=tables or TABLES)
-
-
-@_stereo.command("speed")
-def _normals_speed() -> None:
-    """Print how long the normals of 512 x 512 pixels from eight photos take."""
-    from export.stereo.evaluate import print_speed
-
-    print_speed(click.echo)
 
 
 def _run_export() -> None:

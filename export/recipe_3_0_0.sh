@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Network 3.0.0: D and E answer together, and a network of its own for the camera. All three go on from 2.5.0.
 # Usage: export/recipe_3_0_0.sh DIR FILE [OUT], with a folder of panoramas, outdoor-2.5.0.onnx and the file to write.
-# FILE: git show 47c0695c:lighting/data/outdoor-2.5.0.onnx > outdoor-2.5.0.onnx, its .data likewise, or recipe_2_5_0.sh.
+# FILE: git show 47c0695c:lighting/data/outdoor-2.5.0.onnx > outdoor-2.5.0.onnx, its .data likewise.
 # First: git show 36dd47ee:lighting/data/segments-1.1.0.onnx > segments-1.1.0.onnx
 #
 # Not to the bit. An H200 trained for 8 and for 11 minutes, by scripts over the same functions that are not kept: networks

@@ -123,10 +123,13 @@ def up_in_camera(elevation: ArrayLike, roll: ArrayLike) -> Floats:
     return np.stack(np.broadcast_arrays(-np.sin(ro) * level, np.cos(ro) * level, np.sin(el)))
 
 
-def _level_in_camera(heading: Floats, elevation: Floats, roll: float) -> Floats:
-    """Level directions (3, ...) along the right, up and forward of cameras.
+def level_in_camera(heading: Floats, elevation: Floats, roll: float) -> Floats:
+    """Return level directions (3, ...) along the right, up and forward of cameras.
 
-    `heading` (...) is clockwise from where each camera points, `elevation` (...) and `roll` its own [deg].
+    Args:
+        heading: (...) deg, clockwise from where each camera points.
+        elevation: (...) deg, of each camera, positive looks up.
+        roll: deg.
     """
     he, el, ro = np.radians(heading), np.radians(elevation), np.radians(roll)
     lateral, ahead = np.sin(he), np.cos(he)
@@ -349,7 +352,7 @@ def _log_level_prior(roll: Floats) -> Floats:
 def _log_likelihood_of_horizontals(lines: _Lines, height: int, cameras: _Cameras, roll: float) -> Floats:
     """Logarithm of the likelihood (L, E) of lines in a picture `height` pixels tall, by cameras with a roll [deg]."""
     lines = lines.longest(_MAX_HORIZONTALS)
-    level = _level_in_camera(_HEADINGS[:, None, None], cameras.elevation, roll)
+    level = level_in_camera(_HEADINGS[:, None, None], cameras.elevation, roll)
     bell = _squared_sines(lines, _in_picture(level, cameras.tan_half_fov[:, None]).reshape(3, -1))
     std = np.radians(np.hypot(_HORIZONTAL_STD, _SEGMENT_STD / lines.length)).astype(np.float32)[:, None]
     bell *= -0.5 / (std * std)

@@ -58,7 +58,7 @@ from server.tracing import RequestTracer
 LATENCY_BUCKETS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper ends of the histograms' buckets
 
 
-class _Metrics:
+class ServiceMetrics:
     """The metrics of one app; routes are labeled by template, so that labels stay few."""
 
     def __init__(
@@ -170,7 +170,7 @@ class Service:
         self.pending = PendingResponses(settings.unsent_bytes)
         possible = count_possible_connections(settings.workers)
         self.connections = ConnectionLimiter(min(settings.connections, possible), settings.connections_per_client)
-        self.metrics = _Metrics(self.limiter, self.uploads, self.pending, self.connections)
+        self.metrics = ServiceMetrics(self.limiter, self.uploads, self.pending, self.connections)
         self.tracer = RequestTracer(settings.otlp_endpoint) if settings.otlp_endpoint else None
         self.jobs: JobRunner | None = None
         self.ready = False

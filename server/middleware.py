@@ -70,8 +70,8 @@ def add_middleware(app: FastAPI, service: Service) -> None:
     app.add_middleware(_BrowserGuardMiddleware, settings=service.settings)
     app.add_middleware(_SecurityHeadersMiddleware, frame_origins=service.settings.frame_origins)
     app.add_middleware(_AccessLogMiddleware, service=service)
-    app.add_middleware(_DrainBodyMiddleware)
-    app.add_middleware(_SliceMiddleware)
+    app.add_middleware(DrainBodyMiddleware)
+    app.add_middleware(SliceMiddleware)
 
 
 class _Middleware:
@@ -206,7 +206,7 @@ class _HeadAsGetMiddleware(_Middleware):
             scope.update({name: inner.get(name) for name in ("route", "endpoint", "problem")})
 
 
-class _DrainBodyMiddleware(_Middleware):
+class DrainBodyMiddleware(_Middleware):
     """Reads and drops the rest of a body before a connection closes that the client wants closed after the answer.
 
     A connection that is closed with bytes unread takes its answer with it; one that stays open is read on anyway.
@@ -240,7 +240,7 @@ class _DrainBodyMiddleware(_Middleware):
         await self.app(scope, receive_noting_end, send_after_draining)
 
 
-class _SliceMiddleware(_Middleware):
+class SliceMiddleware(_Middleware):
     """Sends large bodies in slices, each when the one before has been taken, so that other connections have their turn.
 
     The bytes of a body that are not yet sent stand in the scope, where the connection counts them.

@@ -141,7 +141,7 @@ class _BookPage:
         return _TITLES.get(self.address) or (found[1].replace("`", "") if found else self.address)
 
 
-class _Book:
+class Book:
     """The pages of the book, read and rendered when they are asked for."""
 
     def __init__(self, root: Path | None = None) -> None:
@@ -373,14 +373,14 @@ def make_page_router(bundle: Path = BUNDLE, photo: tuple[Path, str] | None = Non
     return router
 
 
-def make_book_router(book: _Book | None = None) -> APIRouter:
+def make_book_router(book: Book | None = None) -> APIRouter:
     """The routes of the book.
 
     Args:
         book: None takes this package's.
     """
     router = APIRouter(include_in_schema=False)
-    shown = book or _Book()
+    shown = book or Book()
     files = {".css": StaticFiles(directory=_BOOK_FILES), ".js": StaticFiles(directory=_BOOK_FILES)}
     files |= dict.fromkeys(_PICTURES, StaticFiles(directory=shown.docs, check_dir=False))
 

@@ -36,7 +36,7 @@ _FORGET_SECONDS = 300.0  # after which clients that used as good as nothing are 
 _NO_SECONDS = 1e-6  # of processor time
 
 
-class _CpuUsage:
+class CpuUsage:
     """The processor time that clients used lately; it counts half after HALF_LIFE.
 
     Args:
@@ -149,7 +149,7 @@ class WorkLimiter:
         self.workers = workers
         self.capacity = workers + queue
         self._queue_bytes = queue * max_bytes
-        self.usage = _CpuUsage(clock)
+        self.usage = CpuUsage(clock)
         self._charge = charge
         self._clock = clock
         self._held = Tally()

@@ -35,7 +35,7 @@ _EXPOSURE_STOPS = (-1.2, 1.0)  # range of the change of exposure
 
 
 @dataclass(frozen=True)
-class _Effect(Generic[Pixels]):
+class Effect(Generic[Pixels]):
     """One thing that happens to a share of the crops."""
 
     name: str  # of its random stream, so no two have the same
@@ -68,7 +68,7 @@ def _effect_stream(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
 
-def _apply_all(effects: tuple[_Effect[Pixels], ...], pixels: Pixels, crop: Crop, seed: int) -> Pixels:
+def _apply_all(effects: tuple[Effect[Pixels], ...], pixels: Pixels, crop: Crop, seed: int) -> Pixels:
     for effect in effects:
         stream = _effect_stream(seed, effect.name)
         if stream.random() < effect.probability:
@@ -176,20 +176,20 @@ def recompress(picture: Picture, rng: np.random.Generator) -> Picture:
     return np.asarray(Image.open(buffer))
 
 
-SCENE_EFFECTS: tuple[_Effect[Linear], ...] = (  # what hides a part of the scene, perhaps the sun
-    _Effect("cover", 0.3, _cover),
-    _Effect("hidden sky", 0.12, _hide_sky),
+SCENE_EFFECTS: tuple[Effect[Linear], ...] = (  # what hides a part of the scene, perhaps the sun
+    Effect("cover", 0.3, _cover),
+    Effect("hidden sky", 0.12, _hide_sky),
 )
-CAMERA_EFFECTS: tuple[_Effect[Linear], ...] = (  # on linear values, after the exposure
-    _Effect("vignette", 1.0, _vignette),
-    _Effect("local tone mapping", 0.3, _tone_locally),
-    _Effect("haze", 0.12, _haze),
-    _Effect("noise", 1.0, _add_noise),
+CAMERA_EFFECTS: tuple[Effect[Linear], ...] = (  # on linear values, after the exposure
+    Effect("vignette", 1.0, _vignette),
+    Effect("local tone mapping", 0.3, _tone_locally),
+    Effect("haze", 0.12, _haze),
+    Effect("noise", 1.0, _add_noise),
 )
-PICTURE_EFFECTS: tuple[_Effect[Picture], ...] = (  # on the developed picture
-    _Effect("tone curve", 1.0, _tone),
-    _Effect("sharpness", 0.5, _sharpen),
-    _Effect("JPEG", JPEG_SHARE, lambda picture, _, rng: recompress(picture, rng)),
+PICTURE_EFFECTS: tuple[Effect[Picture], ...] = (  # on the developed picture
+    Effect("tone curve", 1.0, _tone),
+    Effect("sharpness", 0.5, _sharpen),
+    Effect("JPEG", JPEG_SHARE, lambda picture, _, rng: recompress(picture, rng)),
 )
 
 _MAX_SUN_DIFFERENCE = 5.0  # deg, of the elevations of the suns of two places in one picture

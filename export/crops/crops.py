@@ -2,11 +2,6 @@
 
 A camera stands at its panorama's center. A crop depends on its panorama's name, its index and its protocol alone:
 adding panoramas changes no other crop.
-
-A stretch of the world upwards or along the ground is linear. It keeps straight lines, upright things and what lies on
-the ground, and it tilts the sun's rays as it tilts the shadows that they cast. Seen from the camera, where it is
-centered, it moves directions by themselves, whatever their depth. So a panorama tells exactly what its stretched world
-looks like. A place whose sun stands at 30 degrees shows it at 22 or 39, with the shadows of such suns.
 """
 
 import hashlib
@@ -28,7 +23,6 @@ from lighting.color import luminance
 from lighting.geometry import (
     Floats,
     Pinhole,
-    angles,
     camera_directions,
     camera_pixel,
     direction,
@@ -42,8 +36,6 @@ MAX_HORIZONTAL_FOV = 106.0  # deg, about that of a phone's ultra-wide lens
 PHONE_ASPECTS = (9 / 16, 2 / 3, 3 / 4, 1.0, 4 / 3, 3 / 2, 16 / 9)
 _MAX_TILTED_ROLL = 45.0  # deg, of a tilted phone
 _MAX_AIM_ATTEMPTS = 40  # cameras tried until one sees the sun
-MAX_OCTAVES_UPWARDS = 0.6  # largest stretch or squeeze
-MAX_OCTAVES_ALONG = 0.25  # along the ground
 
 VISIBILITY = {"yes": 1.0, "partly": 0.5, "no": 0.0}  # target by whether direct sunlight reaches the scene
 
@@ -75,8 +67,12 @@ def paper_camera(rng: np.random.Generator) -> Camera:
     return Camera(rng.uniform(-180, 180), rng.uniform(-20, 20), 0.0, rng.uniform(35, 68), 4 / 3)
 
 
-def _phone_camera(rng: np.random.Generator) -> Camera:
-    """What phones take: elevation within 35 deg, roll within 10, vertical field of view 25 to 90, 9:16 to 16:9."""
+def phone_camera(rng: np.random.Generator) -> Camera:
+    """What phones take: elevation within 35 deg, roll within 10, vertical field of view 25 to 90, 9:16 to 16:9.
+
+    Args:
+        rng: draws the angles and the aspect.
+    """
     aspect = float(rng.choice(PHONE_ASPECTS))
     widest = np.degrees(2 * np.arctan(np.tan(np.radians(MAX_HORIZONTAL_FOV / 2)) / aspect))
     fov = rng.uniform(25, min(90.0, widest))
@@ -92,7 +88,7 @@ def training_camera(rng: np.random.Generator) -> Camera:
         rng: draws the angles.
     """
     if rng.random() < 0.5:
-        camera = _phone_camera(rng)
+        camera = phone_camera(rng)
         if rng.random() < 1 / 7:
             camera = replace(camera, roll=rng.uniform(-_MAX_TILTED_ROLL, _MAX_TILTED_ROLL))
     else:
@@ -147,61 +143,9 @@ def _direction_to_pixel(
 
 PROTOCOLS: dict[str, Callable[[np.random.Generator], Camera]] = {  # by their names in reports
     "paper": paper_camera,
-    "phone": _phone_camera,
+    "phone": phone_camera,
     "train": training_camera,
 }
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """By how much the world is stretched upwards, and along the ground in one heading of the panorama's frame."""
-
-    upwards: float = 1.0  # factor
-    along: float = 1.0  # factor
-    heading: float = 0.0  # deg
-
-    @property
-    def max_growth(self) -> float:
-        """The largest factor by which the panorama's pixels grow, 1 at least."""
-        return max(self.upwards, self.along, 1.0 / self.along, 1.0)
-
-    def apply(self, vectors: Floats) -> Floats:
-        """Vectors (..., 3) of the world in the stretched world; unit vectors do not stay unit vectors.
-
-        Args:
-            vectors: (..., 3) in the world.
-        """
-        return np.asarray(vectors @ self._matrix)
-
-    def invert(self, vectors: Floats) -> Floats:
-        """Vectors (..., 3) of the stretched world in the world, of any length.
-
-        Args:
-            vectors: (..., 3) in the stretched world.
-        """
-        return np.asarray(vectors @ np.linalg.inv(self._matrix).astype(vectors.dtype))
-
-    @property
-    def _matrix(self) -> Floats:
-        """The stretch (3, 3), which is symmetric."""
-        ahead = direction(self.heading, 0.0)
-        matrix = np.eye(3) + (self.along - 1.0) * np.outer(ahead, ahead)
-        matrix[1, 1] = self.upwards
-        return matrix
-
-
-NOT_STRETCHED = Stretch()
-
-
-def random_stretch(rng: np.random.Generator) -> Stretch:
-    """A stretch or a squeeze, each as likely, by at most MAX_OCTAVES_UPWARDS and MAX_OCTAVES_ALONG.
-
-    Args:
-        rng: draws the factors and the heading.
-    """
-    limits = np.array([MAX_OCTAVES_UPWARDS, MAX_OCTAVES_ALONG])
-    upwards, along = 2.0 ** rng.uniform(-limits, limits)
-    return Stretch(float(upwards), float(along), rng.uniform(0.0, 180.0))
 
 
 @dataclass(frozen=True)
@@ -211,7 +155,6 @@ class Source:
     panorama: Panorama
     levels: tuple[NDArray[Any], ...]  # (H, 2H, 3), (H/2, H, 3), ...; uint8 sRGB or float32 linear
     label: Label
-    stretch: Stretch = NOT_STRETCHED  # of the world that the crops show
 
 
 def load_sources(panoramas: Sequence[Panorama], labels: str | Path) -> list[Source]:
@@ -236,22 +179,6 @@ def load_source(panorama: Panorama, label: Label) -> Source:
     while levels[-1].shape[0] >= 2 * _MIN_ROWS:
         levels.append(_halve(levels[-1]))
     return Source(panorama, tuple(levels), label)
-
-
-def anisotropic_scale(source: Source, stretch: Stretch) -> Source:
-    """A panorama whose world is stretched, and its sun with it; the sky fitted around the unstretched sun is unknown.
-
-    Args:
-        source: the panorama as it is.
-        stretch: of the world that its crops shall show.
-    """
-    if stretch == NOT_STRETCHED:
-        return source
-    label = replace(source.label, fit_ok=False)
-    if math.isfinite(label.sun_azimuth):
-        azimuth, elevation = angles(stretch.apply(direction(label.sun_azimuth, label.sun_elevation)))
-        label = replace(label, sun_azimuth=float(azimuth), sun_elevation=float(elevation))
-    return replace(source, label=label, stretch=stretch)
 
 
 def _halve(image: NDArray[Any]) -> NDArray[Any]:
@@ -377,7 +304,7 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
     pinhole = pinhole_camera(camera, columns, rows, camera.azimuth)
-    rays = source.stretch.invert(camera_directions(pinhole).astype(np.float32))
+    rays = camera_directions(pinhole).astype(np.float32)
     sampled = sample_latlong(source.levels[level], rays).astype(np.float32)
     ldr = source.panorama.kind == "ldr"
     return decode_srgb(np.round(sampled).astype(np.uint8)) if ldr else sampled
@@ -396,7 +323,7 @@ def is_resolved(source: Source, camera: Camera, rows: float) -> bool:
 
 def _finest(source: Source, camera: Camera) -> float:
     """Panorama pixels along the view's height."""
-    return float(source.levels[0].shape[0] / 180.0 * camera.vertical_fov / source.stretch.max_growth)
+    return float(source.levels[0].shape[0] / 180.0 * camera.vertical_fov)
 
 
 def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Resampling) -> NDArray[np.float32]:

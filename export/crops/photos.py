@@ -31,7 +31,7 @@ _BILINEAR = Image.Resampling.BILINEAR
 
 
 @dataclass(frozen=True)
-class _PhotoRow:
+class PhotoRow:
     """One row; NaN where it does not tell. Angles in deg."""
 
     path: Path
@@ -44,7 +44,7 @@ class _PhotoRow:
     licence: str = ""
 
 
-def read_photo_rows(folder: str | Path) -> list[_PhotoRow]:
+def read_photo_rows(folder: str | Path) -> list[PhotoRow]:
     """The rows of a folder's photos, none if it has no such table; DataError if a row cannot be used.
 
     Args:
@@ -56,7 +56,7 @@ def read_photo_rows(folder: str | Path) -> list[_PhotoRow]:
     return [_row(row, table, line) for line, row in enumerate(read_table(table, PHOTO_COLUMNS), start=2)]
 
 
-def require_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> list[_PhotoRow]:
+def require_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> list[PhotoRow]:
     """As `read_photo_rows`, for those who cannot do without photos; DataError if there is none.
 
     Args:
@@ -70,7 +70,7 @@ def require_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> li
     return rows
 
 
-def _row(row: dict[str, str], table: Path, line: int) -> _PhotoRow:
+def _row(row: dict[str, str], table: Path, line: int) -> PhotoRow:
     try:
         numbers = {name: float(row[name] or "nan") for name in PHOTO_COLUMNS[2:] if name != "direct"}
     except ValueError as error:
@@ -82,18 +82,18 @@ def _row(row: dict[str, str], table: Path, line: int) -> _PhotoRow:
         raise DataError(f"{table}, line {line}: there is no photo {path}.")
     direct = row["direct"] if row["direct"] in ("yes", "partly", "no") else ""
     azimuth, elevation, fov, azimuth_std = numbers.values()
-    return _PhotoRow(path, row["group"], azimuth, elevation, azimuth_std, direct, fov, row.get("licence", ""))
+    return PhotoRow(path, row["group"], azimuth, elevation, azimuth_std, direct, fov, row.get("licence", ""))
 
 
 @dataclass(frozen=True)
 class PhotoSource:
     """A photo in memory with its row."""
 
-    row: _PhotoRow
+    row: PhotoRow
     pixels: NDArray[np.uint8]  # (H, W, 3) upright sRGB
 
 
-def load_photos(rows: Sequence[_PhotoRow]) -> list[PhotoSource]:
+def load_photos(rows: Sequence[PhotoRow]) -> list[PhotoSource]:
     """Read photos.
 
     Args:
@@ -112,35 +112,33 @@ def photo_weights(photos: Sequence[PhotoSource]) -> Floats:
     return balanced_weights([p.row.group for p in photos], [p.row.sun_elevation for p in photos], 0.5)
 
 
-def crop_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec, upwards: float = 1.0) -> Crop:
+def crop_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec) -> Crop:
     """A crop of a photo; the camera's elevation and roll are unknown, and so is the sky.
 
     Args:
         photo: the whole picture.
         rng: draws the part, its rotation and whether it is mirrored.
         spec: of the network that the crop is for.
-        upwards: factor by which the world is stretched (`Stretch`), as the picture of a level camera tells it.
     """
     row = photo.row
-    left, top, width, height = _draw_box(photo.pixels.shape, upwards * float(rng.choice(PHONE_ASPECTS)), rng)
+    left, top, width, height = _draw_box(photo.pixels.shape, float(rng.choice(PHONE_ASPECTS)), rng)
     center = (left + width / 2, top + height / 2)
     rotation = rng.uniform(-1, 1) * _max_rotation(photo.pixels.shape, center, width, height)
     rotated = Image.fromarray(photo.pixels).rotate(rotation, _BILINEAR, center=center)
-    stretched_height = upwards * height
-    size = fit_size(round(width), round(stretched_height), spec)
+    size = fit_size(round(width), round(height), spec)
     box = (left, top, left + width, top + height)
     pixels = np.asarray(rotated.resize(size, Image.Resampling.HAMMING, box=box))
     focal = 0.5 * photo.pixels.shape[1] / math.tan(math.radians(row.horizontal_fov) / 2)
     offset = center[0] - 0.5 * photo.pixels.shape[1]
     azimuth = float(wrap_azimuth(row.sun_azimuth - (math.degrees(math.atan2(offset, focal)) if focal > 0 else 0.0)))
-    fov = 2 * math.degrees(math.atan(0.5 * stretched_height / focal))
+    fov = 2 * math.degrees(math.atan(0.5 * height / focal))
     mirrored = bool(rng.random() < 0.5)
     nan = math.nan
     return Crop(
         linear=decode_srgb(pixels[:, ::-1] if mirrored else pixels),
-        camera=Camera(0.0, nan, nan, fov, width / stretched_height, mirrored),
+        camera=Camera(0.0, nan, nan, fov, width / height, mirrored),
         sun_azimuth=-azimuth if mirrored else azimuth,
-        sun_elevation=math.degrees(math.atan(upwards * math.tan(math.radians(row.sun_elevation)))),
+        sun_elevation=row.sun_elevation,
         sun_std=row.azimuth_std if math.isfinite(row.azimuth_std) else _AZIMUTH_STD,
         sun_visibility=VISIBILITY.get(row.direct, nan),
         turbidity=nan,
@@ -203,12 +201,18 @@ def fit_elevation_prior(data: Path, labels: Path) -> str:
     groups = np.array([row.group for row in rows])
     elevation = np.array([row.sun_elevation for row in rows])
     photos = np.array([elevation[groups == group].mean() for group in np.unique(groups)])
-    scale, gain = _fit_scale(crops[has_sun], weights[has_sun], photos)
+    scale, gain = fit_elevation_scale(crops[has_sun], weights[has_sun], photos)
     return f"{len(photos)} scenes: exp(-elevation / {scale:g} deg), {gain:.3f} nat likelier than without"
 
 
-def _fit_scale(crops: Floats, weights: Floats, photos: Floats) -> tuple[float, float]:
-    """The scale [deg] and its gain in log likelihood per photo, from elevations of crops with weights and of photos."""
+def fit_elevation_scale(crops: Floats, weights: Floats, photos: Floats) -> tuple[float, float]:
+    """The scale [deg] and its gain in log likelihood per photo.
+
+    Args:
+        crops: (N,) elevations [deg] of the suns of training crops.
+        weights: (N,) of each.
+        photos: (M,) elevations [deg] of the suns of photos.
+    """
     share = weights / weights.sum()
     total = np.log(np.exp(-crops / _SCALES[:, None]) @ share)
     likelihood = -photos.mean() / _SCALES - total

@@ -15,10 +15,10 @@ from functools import lru_cache
 import numpy as np
 from PIL import Image
 
-from export.crops.crops import NOT_STRETCHED, Camera, Crop, Source, Stretch, resize
+from export.crops.crops import Camera, Crop, Source, resize
 from export.data.panoramas import linearize
 from lighting.envmap.render import sky_irradiance, sun_light
-from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, sample_latlong
+from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle
 from lighting.prediction import ModelSpec
 from lighting.records import Lighting
 
@@ -109,17 +109,14 @@ def coarse_radiance(source: Source) -> Floats:
     return resize(linear, _FINE * COLUMNS, _FINE * ROWS, Image.Resampling.BOX)
 
 
-def surroundings_in_camera(radiance: Floats, camera: Camera, gains: Floats, stretch: Stretch = NOT_STRETCHED) -> Floats:
+def surroundings_in_camera(radiance: Floats, camera: Camera, gains: Floats) -> Floats:
     """Log radiance (ROWS * COLUMNS * 3,) row by row, the camera's azimuth in the map's middle, mirrored as the crop is.
 
     Args:
         radiance: that of `coarse_radiance`.
         camera: of the crop.
         gains: (3,) factors from the panorama's values to the photo's.
-        stretch: that of the crop's world.
     """
-    if stretch != NOT_STRETCHED:
-        radiance = sample_latlong(radiance, stretch.invert(latlong_directions(_FINE * ROWS)))
     rolled = np.roll(radiance, -round(camera.azimuth / 360 * _FINE * COLUMNS), axis=1)
     rolled = rolled[:, ::-1] if camera.mirrored else rolled
     rows = rolled.reshape(ROWS, _FINE, _FINE * COLUMNS, 3).mean(axis=1)

@@ -100,7 +100,7 @@ _MAX_COST = 3.0  # less than that of a town in the country: kinds count more tha
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
 
 
-def _make_detail_library(data: Path) -> tuple[NDArray[np.void], bytes]:
+def make_detail_library(data: Path) -> tuple[NDArray[np.void], bytes]:
     """The table and the pictures of the library's file.
 
     Args:
@@ -298,7 +298,7 @@ def _smooth(cells: NDArray[np.float32]) -> NDArray[np.float32]:
 def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with panoramas.csv and the pictures")
-    table, pictures = _make_detail_library(parser.parse_args().data)
+    table, pictures = make_detail_library(parser.parse_args().data)
     weights = np.zeros((KIND_FEATURES + 1, len(PLACE_KINDS)), np.float32)
     write_detail_library(LIBRARY_PATH, table, weights, pictures)
     print(f"{LIBRARY_PATH}: {len(table)} panoramas, {LIBRARY_PATH.stat().st_size} bytes")

@@ -104,8 +104,12 @@ def _parse_value(text: str, kind: Any) -> Any:
     return float(text or "nan") if kind is float else text
 
 
-def _label_panorama(panorama: Panorama) -> Label:
-    """The panorama's label; a sun of the index wins over the one in the picture."""
+def label_panorama(panorama: Panorama) -> Label:
+    """The panorama's label; a sun of the index wins over the one in the picture.
+
+    Args:
+        panorama: a row of the index.
+    """
     linear = read_linear_panorama(panorama, ANALYSIS_HEIGHT)
     detected = find_sun(linear)
     azimuth, elevation, std, source = _choose_sun(panorama, detected)
@@ -236,7 +240,7 @@ def label_folder(data: Path, out: Path, workers: int = 2) -> None:
     """
     panoramas = read_index(data)
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:  # a fork beside threads may wait for ever
-        labels = list(pool.map(_label_panorama, panoramas, chunksize=8))
+        labels = list(pool.map(label_panorama, panoramas, chunksize=8))
     write_labels(labels, out)
     trusted = [label for label in labels if label.fit_ok]
     by_eye = [panorama for panorama in panoramas if "machine" not in panorama.label]

@@ -95,7 +95,7 @@ def _hit_ball(origin: Floats, rays: Floats, center: Floats, radius: float) -> tu
 
 
 @dataclass(frozen=True)
-class _SyntheticPanorama:
+class RenderedPanorama:
     """A rendered panorama and the truth about it."""
 
     linear: NDArray[np.float32]  # (H, 2H, 3) the picture's linear values, not clipped
@@ -121,7 +121,7 @@ class _Light:
 
 def render_panorama(
     seed: int, height: int = 128, *, overcast: bool = False, things: int = 8, turbidity: float | None = None
-) -> _SyntheticPanorama:
+) -> RenderedPanorama:
     """A random scene; the same seed and height give the same pixels.
 
     Args:
@@ -143,11 +143,18 @@ def render_panorama(
     exposure = float(rng.uniform(0.08, 0.25) / np.median(luminance(sky[: height // 2])))
     azimuth, elevation = (None, None) if sun is None else (float(a) for a in angles(sun))
     linear = (image * exposure).astype(np.float32)
-    return _SyntheticPanorama(linear, azimuth, elevation, visible, None if sun is None else haze, exposure)
+    return RenderedPanorama(linear, azimuth, elevation, visible, None if sun is None else haze, exposure)
 
 
-def _write_dataset(folder: str | Path, count: int, height: int = 64, seed: int = 0) -> None:
-    """A folder of `count` rendered panoramas, two to a place; every fourth is overcast and every third place is val."""
+def render_folder(folder: str | Path, count: int, height: int = 64, seed: int = 0) -> None:
+    """Write a folder of rendered panoramas, two to a place; every fourth is overcast and every third place is `val`.
+
+    Args:
+        folder: to write; it is made.
+        count: of panoramas, 1 or more.
+        height: rows of each.
+        seed: of the first panorama; each later one has the next.
+    """
     root = Path(folder).resolve()
     (root / "panoramas").mkdir(parents=True, exist_ok=True)
     panoramas = []
@@ -159,7 +166,7 @@ def _write_dataset(folder: str | Path, count: int, height: int = 64, seed: int =
     write_index(panoramas, root)
 
 
-def _index_row(rendered: _SyntheticPanorama, number: int, root: Path) -> Panorama:
+def _index_row(rendered: RenderedPanorama, number: int, root: Path) -> Panorama:
     name, place = f"rendered_{number:04d}", number // 2
     sun = "none" if rendered.sun_azimuth is None else "visible" if rendered.sun_visible else "inferred"
     path, split = root / "panoramas" / f"{name}.webp", "val" if place % 3 == 2 else "train"

@@ -23,7 +23,7 @@ from export.evaluation.irradiance import (
     take_crops_of,
     take_hdr_crops,
 )
-from export.evaluation.metrics import Bools, Names, markdown_table
+from export.evaluation.metrics import Bools, Names, clustered_error, markdown_table
 from lighting.color import luminance, tone_map
 from lighting.decoding import blend_to_clear_sun, lighting_from_prediction, sun_from_prediction
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, ground_luminance, sky_color_ratio
@@ -54,7 +54,7 @@ _NO_LIGHT = "The network states no light."
 
 
 @dataclass(frozen=True, eq=False)
-class _GroundSamples:
+class GroundSamples:
     """Log2 of the ground's luminance in crops that show ground."""
 
     photo: Floats  # (N,) by the photo's pixels
@@ -65,12 +65,17 @@ class _GroundSamples:
     place: Names  # (N,)
 
     def errors(self, share: float, darker: float) -> Floats:
-        """Sizes (N,) of the errors [stops] where the network's ground counts for that share, less under cloud."""
+        """Sizes (N,) of the errors [stops] where the network's ground counts for that share, less under cloud.
+
+        Args:
+            share: of the network's ground under a clear sky, 0 to 1.
+            darker: stops by which it is too dark.
+        """
         crop_share = share * (1 - self.cover)
         return np.abs(self.photo + crop_share * (self.network + darker - self.photo) - self.true)
 
 
-def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> _GroundSamples:
+def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> GroundSamples:
     """The grounds of a split's panoramas of WEATHER. Places of the folder `seen` are left out.
 
     DataError where there are none or their crops show no ground, ModelError if the network states no light.
@@ -95,34 +100,31 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
         kinds.append((str(weather), source.panorama.place))
     if not values:
         raise DataError(f"No crop of the panoramas of {part} that are sunny or overcast shows ground.")
-    return _GroundSamples(*np.array(values).T, *np.array(kinds).T)
+    return GroundSamples(*np.array(values).T, *np.array(kinds).T)
 
 
-def _fit_ground_share(grounds: _GroundSamples) -> tuple[float, float]:
+def fit_ground_share(grounds: GroundSamples) -> tuple[float, float]:
     """The smallest share, with its stops, within one standard error of the best.
 
     The same crops judge both, so the error is that of the mean difference. It is over places, since crops of one place
     are not independent.
+
+    Args:
+        grounds: those to fit to.
     """
     errors = np.array([[grounds.errors(share, darker) for darker in GROUND_STOPS] for share in GROUND_SHARES])
     darker = errors.mean(axis=-1).argmin(axis=1)  # the best stops of each share
     at_best = errors[np.arange(len(GROUND_SHARES)), darker]
     best = at_best[at_best.mean(axis=1).argmin()]
-    good = (at_best - best).mean(axis=1) <= [_clustered_error(row - best, grounds.place) for row in at_best]
+    good = (at_best - best).mean(axis=1) <= [clustered_error(row - best, grounds.place) for row in at_best]
     share = int(np.flatnonzero(good)[0])
     return float(GROUND_SHARES[share]), float(GROUND_STOPS[darker[share]])
-
-
-def _clustered_error(values: Floats | Bools, places: Names) -> float:
-    """The standard error of a mean of values (N,) of which those of one place are not independent."""
-    _, index = np.unique(places, return_inverse=True)
-    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))
 
 
 def _report_ground(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:
     """The fit on places of `train`, both weathers alike, and errors in both splits."""
     parts = {part: _sample_grounds(model, data, labels, part, seen if part == "train" else None) for part in SPLITS}
-    share, darker = _fit_ground_share(_balanced(parts["train"]))
+    share, darker = fit_ground_share(_balanced(parts["train"]))
     rows = []
     for part, grounds in parts.items():
         groups = {str(weather): grounds.weather == weather for weather in np.unique(grounds.weather)}
@@ -132,20 +134,20 @@ def _report_ground(model: Model, data: Path, labels: Path, seen: Path | None = N
     return f"{first}\n\n{markdown_table(['split', 'weather', 'crops', *names], rows)}"
 
 
-def _balanced(grounds: _GroundSamples) -> _GroundSamples:
+def _balanced(grounds: GroundSamples) -> GroundSamples:
     """The same with the rarer weather repeated, so that both count alike."""
     kinds, counts = np.unique(grounds.weather, return_counts=True)
     members = [np.flatnonzero(grounds.weather == kind) for kind in kinds]
     chosen = np.concatenate([np.resize(indices, int(counts.max())) for indices in members])
     columns = (grounds.photo, grounds.network, grounds.true, grounds.cover, grounds.weather, grounds.place)
-    return _GroundSamples(*(values[chosen] for values in columns))
+    return GroundSamples(*(values[chosen] for values in columns))
 
 
 # The sky's colour: how far that of the sky in a photo may be trusted for the whole sky.
 
 
 @dataclass(frozen=True, eq=False)
-class _SkySamples:
+class SkySamples:
     """Crops whose sky's power is known, in the colours of many cameras."""
 
     ratio: Floats  # (N, 3) of the sky in the picture to the map, green 1; NaN where none is seen
@@ -154,13 +156,22 @@ class _SkySamples:
     true: Floats  # (N, 3)
 
     @property
-    def with_sky(self) -> "_SkySamples":
+    def with_sky(self) -> "SkySamples":
         """Those whose picture shows sky."""
         part = np.isfinite(self.ratio[:, 0])
-        return _SkySamples(self.ratio[part], self.cover[part], self.predicted[part], self.true[part])
+        return SkySamples(self.ratio[part], self.cover[part], self.predicted[part], self.true[part])
+
+    def errors(self, trust: Floats) -> Floats:
+        """Angle [deg] (N,) between the sky's colors, said and true, with that trust in the picture.
+
+        Args:
+            trust: (2,) that of `fit_sky_trust`.
+        """
+        corrected = self.predicted * self.ratio ** (trust[0] + trust[1] * self.cover**2)[:, None]
+        return angle_between(corrected, self.true)
 
 
-def _sample_skies(model: Model, data: Path, labels: Path, part: str) -> _SkySamples:
+def _sample_skies(model: Model, data: Path, labels: Path, part: str) -> SkySamples:
     """Crops of all panoramas of a split that tell the power of their sky, by the pixels alone.
 
     DataError if there is none, ModelError if the network states no light.
@@ -168,7 +179,7 @@ def _sample_skies(model: Model, data: Path, labels: Path, part: str) -> _SkySamp
     rows = list(_sky_rows(model, data, labels, part))
     if not rows:
         raise DataError(f"No panorama of {data} in `{part}` tells the power of its sky.")
-    return _SkySamples(*(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)))
+    return SkySamples(*(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)))
 
 
 def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[Floats, float, Floats, Floats]]:
@@ -189,8 +200,12 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
             yield seen, light.sky_cover or 0.0, np.array(light.sky_irradiance), true * gains * crop.gain
 
 
-def _fit_sky_trust(skies: _SkySamples) -> Floats:
-    """The power (2,) of the ratio under a clear sky, and what squared cover adds."""
+def fit_sky_trust(skies: SkySamples) -> Floats:
+    """The power (2,) of the ratio under a clear sky, and what squared cover adds.
+
+    Args:
+        skies: crops that all show sky.
+    """
     logs = [np.log(np.maximum(values, 1e-9)) for values in (skies.ratio, skies.true / skies.predicted)]
     shift, target = (log[:, ::2] - log[:, 1:2] for log in logs)  # of red and blue over green
     terms = (np.stack([np.ones_like(skies.cover), skies.cover**2], axis=1)[:, None] * shift[..., None]).reshape(-1, 2)
@@ -202,22 +217,16 @@ def _fit_sky_trust(skies: _SkySamples) -> Floats:
     return np.asarray(trust)
 
 
-def _sky_color_errors(skies: _SkySamples, trust: Floats) -> Floats:
-    """Angle [deg] (N,) between the sky's colours, said and true, with that trust in the picture."""
-    corrected = skies.predicted * skies.ratio ** (trust[0] + trust[1] * skies.cover**2)[:, None]
-    return angle_between(corrected, skies.true)
-
-
 def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
     """The fit on `train`, and errors of colour in both splits, by cover."""
     parts = {part: _sample_skies(model, data, labels, part) for part in SPLITS}
-    trust = _fit_sky_trust(parts["train"].with_sky)
+    trust = fit_sky_trust(parts["train"].with_sky)
     rows = []
     for part, skies in parts.items():
         visible = skies.with_sky
         cover = visible.cover
         groups = {f"{low:g} to {min(high, 1):g}": (cover >= low) & (cover < high) for low, high in COVERS}
-        before, after = (_sky_color_errors(visible, t) for t in (np.zeros(2), trust))
+        before, after = (visible.errors(t) for t in (np.zeros(2), trust))
         rows += _error_rows(part, groups, before, after, (1, 2))
     shown, count = (sum(len(s.cover) for s in of) for of in ([s.with_sky for s in parts.values()], parts.values()))
     names = ["network, median [deg]", "with the photo", "network, mean", "with the photo"]
@@ -233,7 +242,7 @@ def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
 
 
 @dataclass(frozen=True)
-class _SunSample:
+class SunSample:
     """A sun as it is and as the network states it, in one crop."""
 
     place: str
@@ -245,7 +254,7 @@ class _SunSample:
     unclipped: bool  # whether the panorama's notes say so of it
 
 
-def _sample_suns(model: Model, crops: HdrCrops) -> list[_SunSample]:
+def _sample_suns(model: Model, crops: HdrCrops) -> list[SunSample]:
     """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
     samples = []
     for (source, _), crop, truth in zip(crops.views, crops.crops, crops.truth, strict=True):
@@ -259,14 +268,19 @@ def _sample_suns(model: Model, crops: HdrCrops) -> list[_SunSample]:
         if light.sun_shines:
             panorama, true = source.panorama, truth.sun_irradiance
             unclipped = panorama.sun_is_unclipped
-            samples.append(_SunSample(panorama.place, true, sun, level, sky, light.sun_elevation, unclipped))
+            samples.append(SunSample(panorama.place, true, sun, level, sky, light.sun_elevation, unclipped))
     if not samples:
         raise ModelError("The network sees the sun shine in no crop of a sunny HDR panorama.")
     return samples
 
 
-def _sun_color_errors(suns: Sequence[_SunSample], power: float) -> Floats:
-    """Angles (2,) between colours [deg], of sun and level ground. Means of the places' medians."""
+def sun_color_errors(suns: Sequence[SunSample], power: float) -> Floats:
+    """Angles (2,) between colors [deg], of sun and level ground. Means of the places' medians.
+
+    Args:
+        suns: one at least.
+        power: of the clear sun's color, 0 to 1.
+    """
     places: dict[str, list[Floats]] = {}
     for sun in suns:
         color = blend_to_clear_sun(sun.predicted, sun.elevation, power)
@@ -283,7 +297,7 @@ def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
     parts = {"train": train, **({"train, unclipped": unclipped} if unclipped else {}), "val": val}
     rows = []
     for power in SUN_POWERS:
-        pairs = (_sun_color_errors(suns, power) for suns in parts.values())
+        pairs = (sun_color_errors(suns, power) for suns in parts.values())
         rows.append([f"{power:g}", *(f"{sun:.1f}° / {level:.1f}°" for sun, level in pairs)])
     counts = ", ".join(f"{len(suns)} crops of `{part}`" for part, suns in parts.items())
     header = ["power", *(f"{part}: sun / level light" for part in parts)]
@@ -296,10 +310,15 @@ def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
 # with the suns of the unclipped HDR panoramas, by the ratio of sun to sky over that of a clear sky with a sun as high.
 
 
-def _stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Sequence[float]) -> Floats:
-    """Stops (N,) of suns (3,) over skies (3,), above those of clear skies. Elevations in deg.
+def stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Sequence[float]) -> Floats:
+    """Stops (N,) of suns over skies, above those of clear skies.
 
     Of a clear sky it is the luminance of the channels' ratios. It must only be the same for all.
+
+    Args:
+        sun: N irradiances (3,).
+        sky: N irradiances (3,).
+        elevation: N, deg, of the suns.
     """
     ratio = luminance(np.array(sun)) / luminance(np.array(sky))
     clear = luminance(np.array([clear_sun_to_sky_ratio(round(e)) for e in elevation]))
@@ -314,7 +333,7 @@ def _panorama_sun_stops(data: Path, labels: Path) -> Floats:
     if not unclipped:
         raise DataError(f"{data} has no sunny HDR panorama in `train` whose sun is unclipped.")
     elevations, lights = zip(*unclipped, strict=True)
-    return _stops_over_clear([light.sun for light in lights], [light.sky for light in lights], elevations)
+    return stops_over_clear([light.sun for light in lights], [light.sky for light in lights], elevations)
 
 
 def _photo_sun_stops(model: Model, data: Path) -> Floats:
@@ -325,7 +344,7 @@ def _photo_sun_stops(model: Model, data: Path) -> Floats:
     if not stated:
         raise DataError(f"No photo of {data} was taken in direct sun, or the network says nothing of the light.")
     suns, skies = ([getattr(light, name) for light, _ in stated] for name in ("sun_irradiance", "sky_irradiance"))
-    return _stops_over_clear(suns, skies, [elevation for _, elevation in stated])
+    return stops_over_clear(suns, skies, [elevation for _, elevation in stated])
 
 
 def _report_sun_power(model: Model, data: Path, labels: Path) -> str:

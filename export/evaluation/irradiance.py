@@ -54,7 +54,7 @@ _RING = (3.0, 6.0)  # deg around it whose median is the sky before the sun
 
 
 @dataclass(frozen=True, eq=False)
-class _TrueLight:
+class TrueLight:
     """The light of one crop; maps have HEIGHT rows and the crop's azimuth 0 in the middle."""
 
     image: Floats  # (HEIGHT, 2 HEIGHT, 3)
@@ -65,7 +65,7 @@ class _TrueLight:
 
 
 @dataclass(frozen=True, eq=False)
-class _Split:
+class SplitPanorama:
     """A panorama at _ROWS rows or a few more with its sun split off, in the panorama's frame and units."""
 
     image: Floats  # (R, 2R, 3)
@@ -75,7 +75,7 @@ class _Split:
     sun_irradiance: Floats  # (3,)
 
 
-def _split_sun(image: NDArray[np.float32], near: Floats | None) -> _Split:
+def split_sun(image: NDArray[np.float32], near: Floats | None) -> SplitPanorama:
     """A panorama with its sun split off.
 
     Args:
@@ -84,17 +84,17 @@ def _split_sun(image: NDArray[np.float32], near: Floats | None) -> _Split:
     """
     small = shrink_envmap(image, len(image) // max(1, len(image) // _ROWS))
     if near is None:
-        return _Split(small, small, math.nan, math.nan, np.zeros(3))
+        return SplitPanorama(small, small, math.nan, math.nan, np.zeros(3))
     sunless, sun, power = _without_true_sun(small, near)
     azimuth, elevation = (float(angle) for angle in angles(sun))
-    return _Split(small, sunless, azimuth, elevation, power)
+    return SplitPanorama(small, sunless, azimuth, elevation, power)
 
 
-def _true_light(panorama: _Split, azimuth: float, gain: float) -> _TrueLight:
+def true_light(panorama: SplitPanorama, azimuth: float, gain: float) -> TrueLight:
     """The light of a camera in a panorama.
 
     Args:
-        panorama: of `_split_sun`.
+        panorama: of `split_sun`.
         azimuth: deg of the panorama to which the camera looks.
         gain: factor of the camera's exposure.
     """
@@ -102,7 +102,7 @@ def _true_light(panorama: _Split, azimuth: float, gain: float) -> _TrueLight:
     sun = direction(panorama.sun_azimuth - azimuth, panorama.sun_elevation)
     above, below = _level_irradiances(sunless)
     visible_sun = sun if math.isfinite(sun[0]) else None
-    return _TrueLight(pool_map(image), visible_sun, panorama.sun_irradiance * gain, above, below / math.pi)
+    return TrueLight(pool_map(image), visible_sun, panorama.sun_irradiance * gain, above, below / math.pi)
 
 
 def _without_true_sun(image: Floats, near: Floats) -> tuple[Floats, Floats, Floats]:
@@ -133,7 +133,7 @@ def _level_irradiances(image: Floats) -> tuple[Floats, Floats]:
     return np.asarray(rows[:half].sum(axis=0)), np.asarray(rows[half:].sum(axis=0))
 
 
-def _mirror_photo(crop: Crop) -> Floats:
+def mirror_photo(crop: Crop) -> Floats:
     """The map (HEIGHT, 2 HEIGHT, 3) of a picture that is mirrored at its edges until it fills the sphere.
 
     The picture's angles are those of its true camera; what is brighter than white is clipped, as in a photo.
@@ -160,7 +160,7 @@ def _folded(angle: Floats, span: float) -> Floats:
     return np.asarray(np.where(shifted < span, shifted, 2 * span - shifted) - span / 2)
 
 
-def _mean_light_map(lights: Sequence[_TrueLight]) -> Floats:
+def mean_light_map(lights: Sequence[TrueLight]) -> Floats:
     """The mean of maps over panoramas and over azimuth (HEIGHT, 2 HEIGHT, 3).
 
     Args:
@@ -196,7 +196,7 @@ class HdrCrops:
 
     views: tuple[View, ...]
     crops: tuple[Crop, ...]
-    truth: tuple[_TrueLight, ...]
+    truth: tuple[TrueLight, ...]
     weather: Names  # (N,) "sunny" or "overcast"
 
     @property
@@ -234,11 +234,11 @@ def take_crops_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, 
         each: crops of a panorama, up to CROPS_EACH.
     """
     sources = load_sources(panoramas, labels)
-    split = {s.panorama.name: _split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
+    split = {s.panorama.name: split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
     views = [view for i, view in enumerate(protocol_views(sources, "paper")) if i % CROPS_EACH < each]
     crops = [crop_panorama(source, camera, spec) for source, camera in views]
     taken = [(split[s.panorama.name], camera.azimuth, c.gain) for (s, camera), c in zip(views, crops, strict=True)]
-    truth = [_true_light(*one) for one in taken]
+    truth = [true_light(*one) for one in taken]
     kind = np.array([WEATHER[source.panorama.sun, source.panorama.direct] for source, _ in views])
     return HdrCrops(tuple(views), tuple(crops), tuple(truth), kind)
 
@@ -289,29 +289,29 @@ def _guesses(name: str, model: Model, crops: HdrCrops) -> dict[str, _Guess]:
     return guesses
 
 
-def _true_direction(light: Lighting, truth: _TrueLight) -> Lighting:
+def _true_direction(light: Lighting, truth: TrueLight) -> Lighting:
     if truth.sun_direction is None:
         return light
     azimuth, elevation = (float(angle) for angle in angles(truth.sun_direction))
     return replace(light, sun_azimuth=azimuth, sun_elevation=max(elevation, 0.0))
 
 
-def _true_power(light: Lighting, truth: _TrueLight) -> Lighting:
+def _true_power(light: Lighting, truth: TrueLight) -> Lighting:
     sun = clip_color(truth.sun_irradiance, "sun_irradiance")
     return replace(light, sun_irradiance=sun, sky_irradiance=clip_color(truth.sky_irradiance, "sky_irradiance"))
 
 
-def _true_both(light: Lighting, truth: _TrueLight) -> Lighting:
+def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
     return _true_power(_true_direction(light, truth), truth)
 
 
-def _true_ground(light: Lighting, truth: _TrueLight) -> Lighting:
+def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
     light = _true_both(light, truth)
     level = np.maximum(level_irradiance(light), 1e-9)
     return replace(light, ground_color=clip_color(np.pi * truth.ground / level, "ground_color"))
 
 
-ORACLES: dict[str, Callable[[Lighting, _TrueLight], Lighting]] = {
+ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {
     "true direction": _true_direction,
     "true power and colour": _true_power,
     "both": _true_both,
@@ -334,8 +334,8 @@ def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
     for name, model in models.items():
         methods |= _guesses(name, model, crops)
     training = take_hdr_crops(data, labels, spec, "train", each=1).truth
-    methods["mean map"] = _Guess(np.stack([_mean_light_map(training)] * len(crops.crops)))
-    methods["photo mirrored around"] = _Guess(np.stack([_mirror_photo(crop) for crop in crops.crops]))
+    methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(crops.crops)))
+    methods["photo mirrored around"] = _Guess(np.stack([mirror_photo(crop) for crop in crops.crops]))
     return "\n\n".join(_section(crops, methods, str(kind)) for kind in ("sunny", "overcast") if kind in crops.weather)
 
 
@@ -348,7 +348,7 @@ def _section(crops: HdrCrops, methods: dict[str, _Guess], kind: str) -> str:
     return "\n\n".join([title, NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
 
 
-def _strengths_table(truth: Sequence[_TrueLight], methods: dict[str, _Guess]) -> str:
+def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
     """Irradiance, ratio of sun to sky, and ground of each method."""
     header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
     rows = []
@@ -366,7 +366,7 @@ def _strengths_table(truth: Sequence[_TrueLight], methods: dict[str, _Guess]) ->
     return markdown_table(header, rows)
 
 
-def _parts(truth: Sequence[_TrueLight], guess: _Guess) -> list[str]:
+def _parts(truth: Sequence[TrueLight], guess: _Guess) -> list[str]:
     """Bias of sky, sun and their ratio, and the share of painted suns; "-" where a method or the truth has none."""
     if not guess.lights:
         return ["-"] * 4
@@ -387,7 +387,7 @@ def _stops(estimates: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
     return np.asarray(np.log2(ratio))
 
 
-def _objects_table(truth: Sequence[_TrueLight], methods: dict[str, _Guess]) -> str:
+def _objects_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
     """Errors of each method on each object."""
     header = ["", *(column for kind in OBJECTS for column in (f"{kind}: RMSE", "scaled", "angle"))]
     lit = np.stack([t.image for t in truth])

@@ -376,3 +376,14 @@ def difference_interval(ours: Floats, theirs: Floats, units: Names) -> tuple[flo
         units: (N,) panoramas or places, which are drawn as a whole.
     """
     return _bootstrap(units, lambda i: float(np.median(ours[i]) - np.median(theirs[i])))
+
+
+def clustered_error(values: Floats | Bools, units: Names) -> float:
+    """The standard error of a mean.
+
+    Args:
+        values: (N,).
+        units: (N,) panoramas or places; values of one are not independent.
+    """
+    _, index = np.unique(units, return_inverse=True)
+    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))

@@ -27,7 +27,7 @@ class _FigureTable:
 
 
 @dataclass(frozen=True)
-class _FigureSection:
+class FigureSection:
     """A part of the report: its title, what it says beside the tables, and these."""
 
     title: str
@@ -47,7 +47,7 @@ class NetworkMetrics:
     data: dict[str, int]  # panoramas and places of the folder
     labels: tuple[str, ...]  # how well suns and skies that are found agree with known ones; with the card alone
     accuracy: dict[str, Figures]  # by protocol, as `GET /v1/model` answers them
-    sections: tuple[_FigureSection, ...]
+    sections: tuple[FigureSection, ...]
 
     def figure(self, section: str, table: str, row: str, column: str) -> Cell:
         """One cell; None where the report has no such table, row or column.
@@ -84,7 +84,7 @@ def collect_metrics(model: Path, data: Path, report: str, accuracy: dict[str, Fi
         data=_data_facts(read_index(data)),
         labels=(),
         accuracy=stated,
-        sections=tuple(_read_sections(report)),
+        sections=tuple(read_sections(report)),
     )
 
 
@@ -111,7 +111,7 @@ def read_metrics(path: Path) -> NetworkMetrics:
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
         sections = [
-            _FigureSection(s["title"], tuple(s["notes"]), tuple(_FigureTable(**table) for table in s["tables"]))
+            FigureSection(s["title"], tuple(s["notes"]), tuple(_FigureTable(**table) for table in s["tables"]))
             for s in values.pop("sections")
         ]
         return NetworkMetrics(**{**values, "labels": tuple(values["labels"])}, sections=tuple(sections))
@@ -121,7 +121,7 @@ def read_metrics(path: Path) -> NetworkMetrics:
         raise DataError(f"{path} holds no figures of an evaluation; run `python -m export evaluate`.") from error
 
 
-def _read_sections(report: str) -> Iterator[_FigureSection]:
+def read_sections(report: str) -> Iterator[FigureSection]:
     """The sections of a report with their tables.
 
     Args:
@@ -137,7 +137,7 @@ def _read_sections(report: str) -> Iterator[_FigureSection]:
                 tables.append(_FigureTable(caption, _read_rows(paragraph)))
             else:
                 notes.append(" ".join(paragraph.split()))
-        yield _FigureSection(title.strip(), tuple(notes), tuple(tables))
+        yield FigureSection(title.strip(), tuple(notes), tuple(tables))
 
 
 def _read_rows(table: str) -> dict[str, dict[str, Cell]]:

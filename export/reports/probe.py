@@ -38,7 +38,7 @@ def report_probe() -> str:
     rows = []
     for bits in (8, 12, 14):
         for fill, name in ((0.8, "the sun"), (SKY_FILL, "the sky")):
-            errors = _measure_bracket(_BracketCamera(bits, fill), moment, lens, 40.0)
+            errors = _measure_bracket(BracketCamera(bits, fill), moment, lens, 40.0)
             sun = ["-", "clipped"] if errors.clipped else [f"{100 * errors.sun:.1f} %", "not clipped"]
             sky = [f"{errors.steps:.1f}", f"{100 * errors.longest:.1f} %", f"{100 * errors.sky:.1f} %"]
             rows.append([str(bits), name, *sky, *sun, f"{errors.rotation:.2f}°"])
@@ -52,7 +52,7 @@ def report_probe() -> str:
 
 
 @dataclass(frozen=True)
-class _BracketCamera:
+class BracketCamera:
     """A camera's bits, and how much of its full scale the brightest pixel fills in the shortest exposure."""
 
     bits: int = 14  # of an integer
@@ -60,7 +60,7 @@ class _BracketCamera:
     noise: bool = True  # of light and of reading
 
 
-def _clear_sky_at(moment: Moment) -> Lighting:
+def clear_sky_at(moment: Moment) -> Lighting:
     """A clear sky of a moment.
 
     Args:
@@ -70,7 +70,7 @@ def _clear_sky_at(moment: Moment) -> Lighting:
     return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=_TURBIDITY, exposure=1.0)
 
 
-def _photograph_sky(lighting: Lighting, lens: Lens, rotation: Floats) -> NDArray[np.float32]:
+def photograph_sky(lighting: Lighting, lens: Lens, rotation: Floats) -> NDArray[np.float32]:
     """Mean radiance (h, w, 3) that each pixel of a lens sees of the sky and the sun; 0 outside its circle.
 
     The sky is sampled in the middle of each pixel. The sun's disc is summed point by point into the pixels that it
@@ -100,9 +100,9 @@ def _pixel_solid_angle(lens: Lens, at: NDArray[np.intp]) -> Floats:
     return np.asarray(np.linalg.norm(np.cross(c - a, d - b), axis=-1) / 2)
 
 
-def _expose_bracket(
+def expose_bracket(
     picture: NDArray[np.float32],
-    camera: _BracketCamera,
+    camera: BracketCamera,
     rng: np.random.Generator,
     times: Sequence[float] = BRACKET_TIMES,
 ) -> list[LinearPhoto]:
@@ -127,9 +127,7 @@ def _expose_bracket(
     return photos
 
 
-def _bracket_gain(
-    picture: NDArray[np.float32], camera: _BracketCamera, times: Sequence[float] = BRACKET_TIMES
-) -> float:
+def _bracket_gain(picture: NDArray[np.float32], camera: BracketCamera, times: Sequence[float] = BRACKET_TIMES) -> float:
     """Merged radiance / true radiance of such a bracket."""
     return camera.fill / (float(picture.max()) * min(times))
 
@@ -149,11 +147,11 @@ class _BracketErrors:
     rotation: float  # deg, between the estimated and the true one
 
 
-def _measure_bracket(camera: _BracketCamera, moment: Moment, lens: Lens, yaw: float, seed: int = 0) -> _BracketErrors:
+def _measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: float, seed: int = 0) -> _BracketErrors:
     """Photograph a clear sky, merge it and compare."""
-    lighting, rotation = _clear_sky_at(moment), yaw_rotation(yaw)
-    picture = _photograph_sky(lighting, lens, rotation)
-    bracket = make_bracket(_expose_bracket(picture, camera, np.random.default_rng(seed)))
+    lighting, rotation = clear_sky_at(moment), yaw_rotation(yaw)
+    picture = photograph_sky(lighting, lens, rotation)
+    bracket = make_bracket(expose_bracket(picture, camera, np.random.default_rng(seed)))
     settings = BracketSettings(
         kind=lens.kind, fov=lens.fov, centre=lens.centre, radius=lens.radius, pitch=lens.pitch, height=_MAP_HEIGHT
     )

@@ -1,12 +1,9 @@
 """Errors of normals on shapes and latitudes that training never saw.
 
 Every figure is of simulated photos under Hosek-Wilkie skies, median / mean angle in degrees over all pixels; none is of
-real photographs. In some sessions Mitsuba traces paths (`pip install 'outdoor-lighting[train]'`), with light between a
-mesh's parts and the sky that they hide. That camera is orthographic and level.
+real photographs.
 """
 
-import os
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,19 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.stereo.renders import CaptureDay, Material, Subject, cast_shadows, read_subjects, shade_surface, utc_times
-from export.stereo.surfaces import Surface, TriangleMesh, is_held_out, random_rotation, read_mesh
-from lighting.errors import LightingError, require_extra
+from lighting.errors import LightingError
 from lighting.geometry import Floats
-from lighting.stereo.light_vectors import Skies, gray_skies, illumination_matrices
+from lighting.stereo.light_vectors import Skies, gray_skies
 from lighting.stereo.normal_network import Network
 from lighting.stereo.output import depth_error, integrate_normals
-from lighting.stereo.pose import camera_to_world, world_to_camera
+from lighting.stereo.pose import world_to_camera
 from lighting.stereo.solver import (
     Session,
     add_model_error,
     apply_network,
     fit_turbidity,
-    solve_normals,
     solve_with_planes,
 )
 
@@ -164,7 +159,6 @@ Say = Callable[[str], None]
 
 FINE, COARSE = 2, 4  # every so many pixels of the shapes, in the first tables and in the others
 
-_DATES = ("2024-03-21", "2024-06-21", "2024-12-21")
 _WRONG: dict[str, dict[str, Any]] = {
     "nothing wrong": {},
     "heading off by 2°": {"heading_error": 2.0},
@@ -177,7 +171,7 @@ _WRONG: dict[str, dict[str, Any]] = {
 }
 
 
-Table = Literal["seasons", "wrong", "photos", "heading", "turbidity", "gloss", "expected"]
+Table = Literal["seasons", "wrong", "expected"]
 TABLES = get_args(Table)
 
 _UNEXPECTED: dict[str, dict[str, Any]] = {
@@ -187,17 +181,6 @@ _UNEXPECTED: dict[str, dict[str, Any]] = {
     "exposure that falls by 20 %": {"drift": 0.2, "fitted": True},
     "exposure that falls by 50 %": {"drift": 0.5, "fitted": True},
     "heading off by 180°": {"heading_error": 180.0, "fitted": True},
-}
-
-_CHANGES: dict[Table, tuple[str, dict[str, dict[str, Any]]]] = {
-    "wrong": ("What is wrong", _WRONG),
-    "photos": ("Photos from 9 to 16 h", {f"{count}": {"count": count} for count in range(3, 9)}),
-    "heading": ("Heading off by", {f"{d:+d}°": {"heading_error": float(d)} for d in (-5, -2, 0, 2, 5)}),
-    "turbidity": (
-        "Turbidity, told 3",
-        {f"{t:g}": {"turbidity_error": 3.0 - t, "sky": t} for t in (2.0, 3.0, 4.0, 6.0)},
-    ),
-    "gloss": ("Gloss", {f"{g:g}": {"gloss": g} for g in (0.0, 0.05, 0.1, 0.2)}),
 }
 
 
@@ -222,11 +205,11 @@ def evaluate_normals(
     scanned = [subject for subject in coarse if subject.scale] or coarse
     for table in tables:
         if table == "expected":
-            _expected(data, scanned, network, say)
+            _expected(scanned, network, say)
         elif table == "seasons":
             _seasons(coarse if quick else list(read_subjects(data, FINE)), network, say)
         else:
-            _table(*_CHANGES[table], scanned, network, say)
+            _wrong(scanned, network, say)
 
 
 def _seasons(shapes: Sequence[Subject], network: Network, say: Say) -> None:
@@ -263,26 +246,23 @@ def _depth(result: _Result) -> str:
     return ", ".join(f"{scale * depth_error(depth, surface.height, surface.mask):.1f}" for depth in depths)
 
 
-def _table(title: str, rows: dict[str, dict[str, Any]], shapes: Sequence[Subject], network: Network, say: Say) -> None:
+def _wrong(shapes: Sequence[Subject], network: Network, say: Say) -> None:
+    title = "What is wrong"
     say(f"\n{title}; scanned objects, every {COARSE}th pixel, one channel\n")
     _head((title,), say)
-    for name, change in rows.items():
+    for name, change in _WRONG.items():
         cells = [_cell(run_session(shapes, _trial(season, change), network)) for season in range(len(SEASONS))]
         _row((name,), cells, say)
 
 
-def _expected(data: Path, shapes: Sequence[Subject], network: Network, say: Say) -> None:
-    """True and expected errors where the model is wrong, also of path-traced meshes that training never saw."""
+def _expected(shapes: Sequence[Subject], network: Network, say: Say) -> None:
+    """True and expected errors where the model is wrong."""
     say("\nMean error: true, expected; search and network, one channel\n")
     say("| What is wrong | " + " | ".join(SEASONS) + " |")
     say("|" + "---|" * (1 + len(SEASONS)))
     for name, change in _UNEXPECTED.items():
         results = [run_session(shapes, _trial(season, change), network) for season in range(len(SEASONS))]
         _row((name,), [_means(season) for season in results], say)
-    for file in sorted((data / "meshes").glob("*.obj")):
-        if is_held_out(file):
-            results = [[_traced(file, day, network)] for day in SEASONS.values()]
-            _row((f"path-traced {file.stem}",), [_means(season) for season in results], say)
 
 
 def _means(results: Sequence[_Result]) -> str:
@@ -291,25 +271,9 @@ def _means(results: Sequence[_Result]) -> str:
     return f"{true.mean():.0f}, {expected.mean():.0f}"
 
 
-def _traced(file: Path, day: CaptureDay, network: Network) -> _Result:
-    rng = np.random.default_rng(5)
-    skies = gray_skies(day.skies(64))
-    images, normals, mask = _trace_mesh(file, random_rotation(rng), day, skies, _ALBEDO)
-    noise = rng.normal(0, 0.01 * images.max(), images.shape).astype(np.float32)
-    solved = solve_normals(Session(np.maximum(images + noise, 0), mask, skies, day.pose), network=network)
-    subject = Subject(file.stem, "path-traced meshes", Surface(normals, np.zeros(mask.shape, np.float32), mask))
-    return _Result(subject, solved.normal, solved.normal, solved.error)
-
-
 def _trial(season: int, change: dict[str, Any]) -> Trial:
-    """A season's trial with fields of it, the true turbidity `sky` or the `count` of photos changed."""
-    day = list(SEASONS.values())[season]
-    rest = dict(change)
-    if count := rest.pop("count", None):
-        day = replace(day, times=utc_times(_DATES[season], np.linspace(9.0, 16.0, count)))
-    if sky := rest.pop("sky", None):
-        day = replace(day, turbidity=sky)
-    return Trial(day, **rest)
+    """A season's trial with some of its fields."""
+    return Trial(list(SEASONS.values())[season], **change)
 
 
 def _cell(results: Sequence[_Result]) -> str:
@@ -326,143 +290,3 @@ def _head(names: Sequence[str], say: Say) -> None:
 
 def _row(names: Sequence[str], cells: Sequence[str], say: Say) -> None:
     say("| " + " | ".join([*names, *cells]) + " |")
-
-
-# How long the normals of 512 x 512 pixels from eight photos take.
-
-SIDE = 512  # pixels
-
-
-def print_speed(say: Callable[[str], None]) -> None:
-    """Print wall and processor seconds of the search alone and with the network, for one channel and for three.
-
-    Args:
-        say: takes each line.
-    """
-    day = SEASONS["47° N, June"]
-    y, x = np.mgrid[:SIDE, :SIDE] / (SIDE / 2) - 1
-    normals = np.stack([0.6 * x, -0.6 * y, np.sqrt(1 - 0.36 * (x * x + y * y))], axis=-1).reshape(-1, 3)
-    world = camera_to_world(normals[::16], day.pose)
-    for channels in (1, 3):
-        skies = day.skies() if channels == 3 else gray_skies(day.skies())
-        values = np.einsum("ptjc,pj->ptc", illumination_matrices(skies, world), world)
-        images = np.moveaxis(np.repeat(values, 16, axis=0).reshape(SIDE, SIDE, -1, channels), 2, 0).astype(np.float32)
-        images += np.random.default_rng(0).normal(0, 0.01 * images.max(), images.shape).astype(np.float32)
-        session = Session(np.maximum(images, 0), np.ones((SIDE, SIDE), dtype=bool), skies, day.pose)
-        for network in (None, Network.load()):
-            wall, cpu = time.perf_counter(), os.times()
-            solve_normals(session, network=network)
-            spent = os.times().user + os.times().system - cpu.user - cpu.system
-            how = "search and network" if network else "search"
-            say(f"{channels} channel(s), {how}: {time.perf_counter() - wall:.0f} s, {spent:.0f} s of processor")
-
-
-# Path-traced sessions.
-
-_SIDE = 96  # pixels each way
-_SAMPLES = 256  # paths for each pixel
-_MAX_DEPTH = 5  # edges of a path
-_MARGIN = 1.08  # of the picture, over the mesh's radius
-_VARIANT = "scalar_rgb"
-
-
-def _trace_mesh(
-    file: Path, rotation: Floats, day: CaptureDay, skies: Skies, albedo: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Path-trace a mesh under each sky of a day.
-
-    Args:
-        file: an OBJ file.
-        rotation: (3, 3) from the mesh's axes to the camera's.
-        day: its pose is the camera's.
-        skies: T skies of one channel.
-        albedo: of the mesh, 0 to 1.
-
-    Returns:
-        Images (T, H, W, 1), true normals (H, W, 3) in the camera frame, and the mask (H, W).
-    """
-    mi = require_extra("mitsuba", "Path tracing needs Mitsuba", "test")
-    mi.set_variant(_VARIANT)
-    shape = _make_shape(mi, read_mesh(file), rotation, albedo)
-    normals, mask = _trace_normals(mi, shape)
-    images = [_trace_moment(mi, shape, skies, moment, day) for moment in range(len(skies))]
-    return np.stack(images) * mask[None, :, :, None], normals, mask
-
-
-def _make_shape(mi: Any, mesh: TriangleMesh, rotation: Floats, albedo: float) -> Any:
-    points, triangles = mesh
-    points = (points - (points.max(axis=0) + points.min(axis=0)) / 2) @ np.asarray(rotation, dtype=np.float32).T
-    points = points / np.linalg.norm(points, axis=1).max()
-    properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(
-        {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": albedo}}}
-    )
-    shape = mi.Mesh("mesh", len(points), len(triangles), has_vertex_normals=True, props=properties)
-    parameters = mi.traverse(shape)
-    parameters["vertex_positions"] = np.ascontiguousarray(points, dtype=np.float32).ravel()
-    parameters["faces"] = np.ascontiguousarray(triangles, dtype=np.uint32).ravel()
-    parameters.update()
-    shape.recompute_vertex_normals()
-    return shape
-
-
-def _sensor(mi: Any) -> dict[str, Any]:
-    to_world = mi.ScalarTransform4f().look_at([0, 0, 4], [0, 0, 0], [0, 1, 0])
-    return {
-        "type": "orthographic",
-        "to_world": to_world @ mi.ScalarTransform4f().scale([_MARGIN, _MARGIN, 1]),
-        "film": {
-            "type": "hdrfilm",
-            "width": _SIDE,
-            "height": _SIDE,
-            "pixel_format": "rgb",
-            "rfilter": {"type": "box"},
-        },
-    }
-
-
-def _trace_normals(mi: Any, shape: Any) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "mesh": shape,
-            "sensor": _sensor(mi),
-            "integrator": {"type": "aov", "aovs": "normal:sh_normal,depth:depth"},
-        }
-    )
-    planes = np.array(mi.render(scene, spp=64, seed=1))[..., -4:]
-    normals = planes[..., :3]
-    length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    mask = (length[..., 0] > 0.8) & (normals[..., 2] > 0.02)
-    return np.asarray(normals / np.maximum(length, 1e-9) * mask[..., None], dtype=np.float32), mask
-
-
-def _trace_moment(mi: Any, shape: Any, skies: Skies, moment: int, day: CaptureDay) -> NDArray[np.float32]:
-    sun = world_to_camera(skies.sun_direction[moment], day.pose)
-    sky = np.repeat(skies.radiance[moment], 3, axis=-1)
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "mesh": shape,
-            "sensor": _sensor(mi),
-            "integrator": {"type": "path", "max_depth": _MAX_DEPTH, "hide_emitters": True},
-            "sky": {
-                "type": "envmap",
-                "bitmap": mi.Bitmap(np.ascontiguousarray(sky)),
-                "to_world": _sky_to_camera(mi, day),
-            },
-            "sun": {
-                "type": "directional",
-                "direction": (-sun).tolist(),
-                "irradiance": {"type": "rgb", "value": float(skies.sun_irradiance[moment, 0])},
-            },
-        }
-    )
-    return np.array(mi.render(scene, spp=_SAMPLES, seed=2 + moment))[..., :1].astype(np.float32)
-
-
-def _sky_to_camera(mi: Any, day: CaptureDay) -> Any:
-    """Mitsuba's maps have +Z in the centre column; ours have north, -Z."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = world_to_camera(np.diag([-1.0, 1.0, -1.0]), day.pose).T
-    return mi.ScalarTransform4f(matrix)

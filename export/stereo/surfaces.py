@@ -135,8 +135,13 @@ def random_rotation(rng: np.random.Generator) -> Floats:
     )
 
 
-def _of_height(height: Image, mask: NDArray[np.bool_]) -> Surface:
-    """The surface of a height field (H, W) [pixels], whose slopes give the normals."""
+def surface_from_height(height: Image, mask: NDArray[np.bool_]) -> Surface:
+    """The surface of a height field, whose slopes give the normals.
+
+    Args:
+        height: (H, W) pixels.
+        mask: (H, W) where the surface is.
+    """
     down, right = np.gradient(height)
     normals = np.stack([-right, down, np.ones_like(height)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
@@ -180,7 +185,7 @@ def random_relief(size: int, rng: np.random.Generator) -> Surface:
     padded = np.pad(mask, 1, mode="edge")
     # Pixels beside one outside the mask are left out: their slopes would be those of a cliff.
     inside = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
-    return _of_height(filled.astype(np.float32), mask & inside)
+    return surface_from_height(filled.astype(np.float32), mask & inside)
 
 
 def _rough(size: int, rng: np.random.Generator, roughness: float | None = None) -> Floats:

@@ -10,25 +10,19 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from PIL import Image
 from torch import Tensor
 from torch.utils.data import Dataset
 
 from export.crops.augmentation import augment, cutmix, cutmix_partners, matching_camera
 from export.crops.crops import (
-    NOT_STRETCHED,
     Camera,
     Crop,
     Source,
-    Stretch,
     aimed_camera,
-    anisotropic_scale,
     crop_panorama,
     crop_rng,
     is_resolved,
-    load_sources,
     paper_camera,
-    random_stretch,
     sampling_weights,
     training_camera,
 )
@@ -42,16 +36,13 @@ from export.crops.photos import (
 )
 from export.crops.targets import CELLS, coarse_radiance, panorama_irradiance, sun_in_view_target, surroundings_in_camera
 from export.data.panoramas import DataError, Panorama, read_index
-from export.data.rendered_towns import LABELS
-from export.networks.outdoor import LIGHT, TARGET_WIDTH, network_specs
-from lighting.color import tone_map
-from lighting.files import atomic_write
+from export.networks.outdoor import LIGHT
 from lighting.geometry import Floats
 from lighting.model import pad_to_input
 from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions, soft_label
 
-PATH_SETTINGS = ("data", "labels", "start", "synthetic", "teachers")  # however the paths are written
+PATH_SETTINGS = ("data", "labels", "start", "teachers")  # however the paths are written
 MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # when a run is resumed: its folder may have moved
 
 
@@ -62,7 +53,7 @@ class TrainConfig:
     data: str  # folder of panoramas
     labels: str  # CSV of `python -m export label`
     out: str  # folder for config.json, log.jsonl and checkpoint.pt
-    network: str = "outdoor"  # or "transformer", "cvpr2017"
+    network: str = "outdoor"  # or "transformer"
     version: str = "1.0.0"
     crops: int = 100_000  # drawn in all
     batch: int = 32
@@ -70,24 +61,20 @@ class TrainConfig:
     weight_decay: float = 0.05
     warmup: float = 0.03  # share of the run
     ema: float = 0.998  # decay per step of the averaged weights, which are the result
-    target_width: float = TARGET_WIDTH["outdoor"]  # deg per axis of the sun target, besides the label's uncertainty
+    target_width: float = 4.0  # deg per axis of the sun target, besides the label's uncertainty
     first_width: float = 0.0  # deg by which the sun target is wider at first; it falls to 0 at _NARROW of the run
     tune_share: float = 0.08  # of the training places, held out for the log
     aimed: float = 0.2  # of the crops of panoramas that show the sun, aimed at it
     joined: float = 0.0  # of the crops, divided by a line between two places under the same sun
-    stretched: float = 0.0  # of the crops, that show a stretched world under another sun
     surroundings: bool = False  # also learn the light all around the camera and its power
     sharpness: float = 0.45  # smallest share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas and photos alone
     pretrained: bool = True
-    only_seen: bool = False  # train only the head that says where in the picture the sun is seen
     only_camera: bool = False  # train for the camera's angles alone, all layers
     teachers: tuple[str, ...] = ()  # folders of finished runs, whose mean answer is a second target of every crop
     blended: float = 0.4  # of the crops that teachers answer, blended with another; of mirror images twice as many
     mirrored: bool = False  # learn from every crop's mirror image, too: of it the camera is known, the sun by teachers
     start: str = ""  # folder of an earlier run: start from its averaged weights, with other crops
-    synthetic: str = ""  # folder of `python -m export synthesize`, mixed in
-    synthetic_share: float = 0.3  # of the crops, if there is such a folder
     photos_share: float = 0.0  # of the crops, of the folder's ordinary photos
     workers: int = 2
     checkpoint_minutes: float = 4.0
@@ -98,7 +85,6 @@ class TrainConfig:
 
 _NARROW = 0.6  # share of the run from which sun targets are as narrow as they get
 _TUNE_EACH = 8  # crops of each held-out panorama
-_ACROSS, DOWN = 8, 6  # crops in the picture of samples, one of each of the first places
 
 
 class Batch(NamedTuple):
@@ -126,14 +112,11 @@ class TrainingCrops(Dataset[Batch]):
         spec: ModelSpec,
         config: TrainConfig,
         *,
-        synthetic: Sequence[Source] = (),
         photos: Sequence[PhotoSource] = (),
         tune: bool = False,
     ) -> None:
-        self.sources, self.spec, self.config, self.tune = [*sources, *synthetic], spec, config, tune
-        share = config.synthetic_share if synthetic else 0.0
-        parts = [(1 - share) * sampling_weights(sources), share * sampling_weights(synthetic)]
-        chances = np.concatenate(parts)
+        self.sources, self.spec, self.config, self.tune = list(sources), spec, config, tune
+        chances = sampling_weights(sources)
         self.chances = np.cumsum(chances)
         self.partners = cutmix_partners(self.sources, chances) if config.joined and not tune else []
         self.photos = [] if tune else list(photos)
@@ -153,9 +136,8 @@ class TrainingCrops(Dataset[Batch]):
             return self._panorama_batch([self.sources[index % len(self.sources)]], index, "tune")
         rng = crop_rng("photo", index, self.purpose)
         if self.photos and rng.random() < self.config.photos_share:
-            return self._photo_batch(self.photos[_draw(self.photo_chances, rng)], rng, self._stretch(index).upwards)
-        stretch = self._stretch(index)
-        sources = [anisotropic_scale(self.sources[number], stretch) for number in self._draw_sources(index)]
+            return self._photo_batch(self.photos[_draw(self.photo_chances, rng)], rng)
+        sources = [self.sources[number] for number in self._draw_sources(index)]
         return self._panorama_batch(sources, index, self.purpose)
 
     def _draw_sources(self, index: int) -> list[int]:
@@ -166,11 +148,6 @@ class TrainingCrops(Dataset[Batch]):
             return [number]
         numbers, chances = self.partners[number]
         return [number, int(numbers[_draw(chances, rng)])]
-
-    def _stretch(self, index: int) -> Stretch:
-        """The stretch of a crop's world, at times."""
-        rng = crop_rng("stretch", index, self.purpose)
-        return random_stretch(rng) if rng.random() < self.config.stretched else NOT_STRETCHED
 
     def _panorama_batch(self, sources: Sequence[Source], index: int, purpose: str) -> Batch:
         source = sources[0]
@@ -197,8 +174,8 @@ class TrainingCrops(Dataset[Batch]):
             is_likelihood=torch.tensor(False),
         )
 
-    def _photo_batch(self, photo: PhotoSource, rng: np.random.Generator, upwards: float) -> Batch:
-        crop = crop_photo(photo, rng, self.spec, upwards)
+    def _photo_batch(self, photo: PhotoSource, rng: np.random.Generator) -> Batch:
+        crop = crop_photo(photo, rng, self.spec)
         pixels, _, _ = augment(crop, rng)
         return Batch(
             photo=torch.from_numpy(pad_to_input(pixels, self.spec)),
@@ -224,17 +201,16 @@ class TrainingCrops(Dataset[Batch]):
             return np.zeros(0, np.float32)
         radiances = [self.radiances[source.panorama.path] for source, _, _ in views]
         pairs = zip(radiances, views, strict=True)
-        maps = [surroundings_in_camera(map_, c, gains * gain, s.stretch) for map_, (s, c, gain) in pairs]
+        maps = [surroundings_in_camera(map_, camera, gains * gain) for map_, (_, camera, gain) in pairs]
         return np.asarray(np.mean(maps, axis=0, dtype=np.float32))
 
     def _light_target(self, sources: Sequence[Source], gains: Floats) -> Floats:
-        """Log irradiance of sun and sky in the photo's values, and the cover; unknown of two or of stretched places."""
+        """Log irradiance of sun and sky in the photo's values, and the cover; unknown of two places."""
         if not self.irradiances:
             return np.zeros(0, np.float32)
         light = self.irradiances[sources[0].panorama.path]
         values = np.concatenate([np.log(light.sun * gains), np.log(light.sky * gains), [light.cover]])
-        is_known = len(sources) == 1 and sources[0].stretch == NOT_STRETCHED
-        return np.where(is_known, values, math.nan).astype(np.float32)
+        return np.where(len(sources) == 1, values, math.nan).astype(np.float32)
 
     def _draw_camera(self, source: Source, rng: np.random.Generator) -> Camera:
         label = source.label
@@ -289,24 +265,3 @@ def training_photos(config: TrainConfig) -> list[PhotoSource]:
     if not config.photos_share:
         return []
     return load_photos(require_photo_rows(config.data, licensed_only=config.licensed_only))
-
-
-def write_samples(folder: Path, target: Path) -> None:
-    """Draw one crop of each of the first 48 places, before augmentation; DataError if there are fewer.
-
-    Args:
-        folder: of rendered places.
-        target: JPEG file to write.
-    """
-    panoramas = read_index(folder, "train")[: _ACROSS * DOWN]
-    if len(panoramas) < _ACROSS * DOWN:
-        raise DataError(f"{folder} holds {len(panoramas)} places; the picture shows {_ACROSS * DOWN}.")
-    spec = network_specs("")["outdoor"]
-    sources = load_sources(panoramas, folder / LABELS)
-    cameras = [paper_camera(crop_rng(source.panorama.name, 0, "sample")) for source in sources]
-    crops = [crop_panorama(source, camera, spec) for source, camera in zip(sources, cameras, strict=True)]
-    tiles = np.stack([tone_map(crop.linear) for crop in crops])
-    height, width = tiles.shape[1:3]
-    rows = tiles.reshape(DOWN, _ACROSS, height, width, 3).swapaxes(1, 2)
-    with atomic_write(target) as temporary:
-        Image.fromarray(rows.reshape(DOWN * height, _ACROSS * width, 3)).save(temporary, "JPEG", quality=80)

@@ -2,7 +2,7 @@
 
 `ground.csv` lists pictures with a grid of what their cells show. Each is varied, and the frozen blocks are computed
 once for each variant. Most of a batch are pictures without labels; what they show is what a teacher says of them as
-they are. `cross_validate` tells what a head is worth on groups that it has not seen.
+they are.
 """
 
 import math
@@ -27,7 +27,7 @@ from export.training.segmentation_teacher import teach_views
 from lighting.geometry import Floats, fit_in_box
 from lighting.model import pad_to_input
 from lighting.photo.reader import read_photo
-from lighting.segmentation import CELL_PIXELS, Segments, SurfaceClass, photo_segments
+from lighting.segmentation import CELL_PIXELS, Segments, SurfaceClass
 
 _TABLE = "ground.csv"
 _MORE = Path(__file__).parents[1] / "data" / "ground_more.csv"  # grids of photos of `train`
@@ -52,7 +52,6 @@ _BLUR = 0.2  # of a cell's label that it has from its neighbours: edges are unce
 _RARITY_POWER = 0.15  # of a class's share by which its cells count more
 _GROUND_WEIGHT = 1.0  # of the loss of ground against the rest
 _GROUND_ODDS = 1.7  # by which ground is likelier than trained: half of the labelled pictures show none
-_FOLDS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,25 +319,6 @@ def _loss(logits: Tensor, target: Tensor, weight: Tensor) -> Tensor:
     return (classes + _GROUND_WEIGHT * against_rest) / inside.sum()
 
 
-def _predict_grid(
-    frozen: _FrozenNetwork, head: SegmentationHead, pixels: NDArray[np.uint8], shape: tuple[int, int]
-) -> NDArray[np.float32]:
-    """Probabilities (R, C, classes) of a picture on a grid.
-
-    Args:
-        frozen: whose features the head takes.
-        head: trained.
-        pixels: (h, w, 3) sRGB.
-        shape: (R, C) of the grid.
-    """
-    height, width = pixels.shape[:2]
-    with torch.inference_mode():
-        canvas = head(*frozen([_fit_canvas(pixels)])).softmax(dim=1)[0].permute(1, 2, 0).numpy()
-        segments = torch.from_numpy(photo_segments(canvas, width, height)).permute(2, 0, 1)
-        cells: NDArray[np.float32] = nn.functional.adaptive_avg_pool2d(segments, shape).permute(1, 2, 0).numpy()
-    return cells
-
-
 def train_segmentation(data: Path, teacher: Path, out: Path) -> str:
     """Train a head on the `train` rows and write its branch as a run; returns what was written, in words.
 
@@ -359,33 +339,3 @@ def train_segmentation(data: Path, teacher: Path, out: Path) -> str:
     source = f"{grids} and {len(taught)} that another network answered for, most with no stated licence"
     write_run(out, {"spec": asdict(_SPEC), "training_data": f"from ImageNet weights, {source}"}, branch.state_dict())
     return f"{out}: a branch for `onnx --segments`, of {source}"
-
-
-def cross_validate(data: Path) -> str:
-    """What heads are worth on groups of the `train` rows that they have not seen, in words.
-
-    They have no teacher: it has seen these groups.
-
-    Args:
-        data: folder with `ground.csv`.
-    """
-    pictures = [picture for picture in read_labelled_pictures(data, "train") if not picture.weak]
-    more, folds, frozen = _read_more_pictures(data), _folds(pictures), _FrozenNetwork()
-    ground, right, cells = np.zeros(2), 0, 0
-    for fold in range(_FOLDS):
-        unseen = {picture.group for picture, number in zip(pictures, folds, strict=True) if number == fold}
-        seen = [picture for picture in (*pictures, *more) if picture.group not in unseen]
-        head = _train_head(_make_variants(frozen, seen, seed=1), [])
-        for picture in (p for p, number in zip(pictures, folds, strict=True) if number == fold):
-            shares = _predict_grid(frozen, head, picture.pixels, (len(picture.grid), picture.grid.shape[1]))
-            found, true = shares[..., SurfaceClass.GROUND] > 0.5, picture.grid == SurfaceClass.GROUND
-            ground += [(found & true).sum(), (found | true).sum()]
-            right, cells = right + int((shares.argmax(axis=-1) == picture.grid).sum()), cells + picture.grid.size
-    return f"Of {cells} cells {100 * right / cells:.1f} % are right; ground has an IoU of {ground[0] / ground[1]:.3f}."
-
-
-def _folds(pictures: Sequence[LabelledPicture]) -> list[int]:
-    """The fold of each picture; those of one group are in one."""
-    groups = sorted({picture.group for picture in pictures})
-    np.random.default_rng(0).shuffle(groups)
-    return [groups.index(picture.group) % _FOLDS for picture in pictures]

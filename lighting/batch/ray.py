@@ -88,7 +88,7 @@ def run_ray(
     return jobs.Summary(len(failures) - sum(failures), sum(failures), len(earlier), monotonic() - began)
 
 
-class _PhotoActor:
+class PhotoActor:
     """One estimator, from the bytes of photos to rows of the table."""
 
     def __init__(self, job: jobs.BatchJob) -> None:
@@ -140,7 +140,7 @@ def _map_photos(job: jobs.BatchJob, names: Sequence[str], workers: int | None, p
     paths = [f"{base}/{name}" for name in names]
     photos = ray.data.read_binary_files(paths, filesystem=filesystem, include_paths=True, num_cpus=_TASK_CPUS)
     rows = photos.map(
-        _PhotoActor,
+        PhotoActor,
         fn_constructor_args=(job,),
         num_cpus=_ACTOR_CPUS,
         compute=ray.data.ActorPoolStrategy(min_size=1, max_size=actors, initial_size=actors),

@@ -19,7 +19,7 @@ from lighting.scene import EXPORTERS, unsupported_options
 
 if TYPE_CHECKING:
     from lighting.photo_estimate import Estimate
-    from lighting.scene import _ExporterOption
+    from lighting.scene import ExporterOption
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def _tool_options() -> list[click.Option]:
     ]
 
 
-def _tool_option(tool: str, name: str, option: "_ExporterOption") -> click.Option:
+def _tool_option(tool: str, name: str, option: "ExporterOption") -> click.Option:
     names = [f"--{name.replace('_', '-')}"]
     if not option.choices:
         return click.Option(names, is_flag=True, default=None, help=f"With --for {tool}: {option.help}.")

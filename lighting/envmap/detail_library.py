@@ -143,7 +143,7 @@ class _DetailLibrary:
 
 
 @dataclass(frozen=True)
-class _DetailChoice:
+class DetailChoice:
     """A panorama of the library, perhaps flipped, and rotated afterwards."""
 
     index: int
@@ -158,7 +158,7 @@ class _DetailChoice:
 class DetailSource:
     """What is chosen for a photo: a panorama of the library, and how colorful it may be."""
 
-    choice: _DetailChoice
+    choice: DetailChoice
     """What the detail is taken from."""
     saturation: float
     """Factor, 0 or more, on the detail's color."""
@@ -315,11 +315,11 @@ def choose_source(features: PhotoFeatures, kind: str | None = None) -> DetailSou
     return DetailSource(_choose_detail(features, kind), features.saturation)
 
 
-def _choose_detail(features: PhotoFeatures, kind: str | None = None) -> _DetailChoice:
+def _choose_detail(features: PhotoFeatures, kind: str | None = None) -> DetailChoice:
     """The panorama, of all rotations and both ways round, that costs least; arguments as those of `choice_costs`."""
     cost = choice_costs(features, kind) + load_detail_library().cost[:, None]
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    return _DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
+    return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
 
 
 def choice_costs(photo: PhotoFeatures, kind: str | None = None) -> Floats:
@@ -474,7 +474,7 @@ class _DetailPicture:
 
 
 def _detail_picture(
-    choice: _DetailChoice, height: int, saturation: float = 1.0, library: _DetailLibrary | None = None
+    choice: DetailChoice, height: int, saturation: float = 1.0, library: _DetailLibrary | None = None
 ) -> _DetailPicture:
     """The chosen panorama.
 

@@ -36,7 +36,7 @@ _CENTERED = 0.02  # of a side, by which a crop's middle may differ from the phot
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _PhotoLens:
+class PhotoLens:
     """What a photo's file says of its lens and of its frame."""
 
     focal_length: float | None = None
@@ -86,7 +86,7 @@ def _clamp(fov: float) -> float:
     return min(max(fov, low), high)
 
 
-def read_lens(main: Tags, camera: Tags, xmp: Mapping[str, str], frame: PhotoFrame) -> _PhotoLens:
+def read_lens(main: Tags, camera: Tags, xmp: Mapping[str, str], frame: PhotoFrame) -> PhotoLens:
     """The lens of a photo by its file.
 
     Args:
@@ -99,22 +99,22 @@ def read_lens(main: Tags, camera: Tags, xmp: Mapping[str, str], frame: PhotoFram
     if (view := _panorama_view(xmp)) is not None:
         across, along = view
         narrow = () if across > _MAX_VIEW else (_clamp(along),)
-        return _PhotoLens(equivalent, narrow, is_consistent=True, is_whole=False, is_panorama=across > _MAX_VIEW)
+        return PhotoLens(equivalent, narrow, is_consistent=True, is_whole=False, is_panorama=across > _MAX_VIEW)
     if _is_apple_panorama(main, camera):
-        return _PhotoLens(equivalent, is_whole=False, is_panorama=True)
+        return PhotoLens(equivalent, is_whole=False, is_panorama=True)
     recorded = _recorded_size(camera, xmp, frame)
     fits = _fits(recorded, frame)
     if max(frame.width, frame.height) > _MAX_FRAME_ASPECT * min(frame.width, frame.height):
         is_written_so = fits is not False and recorded is not None and not frame.is_inside
         is_panorama = is_written_so and max(recorded or (0.0,)) > _MIN_PANORAMA_ASPECT * min(recorded or (1.0,))
-        return _PhotoLens(equivalent, is_whole=False, is_panorama=is_panorama)
+        return PhotoLens(equivalent, is_whole=False, is_panorama=is_panorama)
     crop = _developed_crop(xmp)
     if equivalent is None:
-        return _PhotoLens(is_whole=fits is not False and crop.is_centered, turn=crop.turn)
+        return PhotoLens(is_whole=fits is not False and crop.is_centered, turn=crop.turn)
     zooms = product(crop.zooms(frame), _digital_zooms(main, camera, xmp))
     lengths = [equivalent * cut * digital for cut, digital in zooms]
     fovs = tuple(fov for length in lengths for fov in _possible_fovs(length, recorded, frame))
-    return _PhotoLens(
+    return PhotoLens(
         equivalent, tuple(dict.fromkeys(fovs)), is_consistent, fits is not False and crop.is_centered, crop.turn
     )
 

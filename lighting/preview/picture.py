@@ -1,6 +1,6 @@
 """The preview: a picture of a photo's light, with the photo, the sky, the map, three spheres, and all in words."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
@@ -12,10 +12,11 @@ from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
 from lighting.envmap.projection import photo_camera
 from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
-from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
+from lighting.geometry import Floats, Pinhole, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
-from lighting.prediction import EstimatedLight, SunDistribution, check_estimate
+from lighting.prediction import EstimatedLight, check_estimate
 from lighting.preview import drawing
+from lighting.preview.compass import draw_compass
 from lighting.preview.drawing import (
     BACKGROUND,
     MUTED,
@@ -23,13 +24,12 @@ from lighting.preview.drawing import (
     TEXT,
     WHITE,
     TextStyle,
-    draw_lines,
     draw_suns,
     draw_text,
-    draw_text_inside,
     rounded_mask,
     text_width,
 )
+from lighting.preview.regions import draw_regions, frame_directions, split_at_seam
 from lighting.preview.spheres import (
     SphereScene,
     build_sphere_scene,
@@ -40,7 +40,6 @@ from lighting.preview.spheres import (
 )
 from lighting.records import MIN_SUITABLE, Lighting, SunCandidate, describe_candidates, describe_trust
 from lighting.segmentation import Segments
-from lighting.sun_grid import grid_directions
 
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
@@ -57,9 +56,6 @@ _LETTERS = 18  # size of a caption's letters
 _CELL = 76  # height of one number with its name
 _UPRIGHT_HEIGHT = 680  # of the upper row when the photo is upright
 _UPRIGHT_MAP_HEIGHT = 440  # of the map below it
-_SHARE_LETTERS = 15  # pixels, size of a region's share
-_RINGS = (30, 60)  # deg of elevation, the compass's rings
-_DENSITY_SIZE = 112  # pixels of the density before enlargement
 _MAP_WORDS = (  # share of the map's width, word and anchor
     (0.25, "90° left", "ms"), (0.5, "front", "ms"), (0.75, "90° right", "ms"),
     (0.008, "behind", "ls"), (0.992, "behind", "rs"),
@@ -128,7 +124,7 @@ def draw_preview_pixels(
     envmap = check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
     plan = _lay_out(aspect, len(numbers), len(_note_lines(lighting)))
-    compass = _draw_compass(estimate, aspect, plan.compass.width)
+    compass = draw_compass(estimate, aspect, plan.compass.width)
     centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
     scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
     photo_scene = scene if lighting.sun_irradiance is not None and lighting.spot_pixel is not None else None
@@ -383,156 +379,12 @@ def _draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: flo
     def pixels(directions: Floats) -> Floats:
         return latlong_pixel(directions, box.height)
 
-    frame = list(_split_at_seam(pixels(_frame_directions(lighting, aspect)), box.width))
+    frame = list(split_at_seam(pixels(frame_directions(lighting, aspect)), box.width))
     drawing.draw_outlined_lines(picture, frame, WHITE, 1.5)
-    _draw_regions(picture, lighting, pixels)
+    draw_regions(picture, lighting, pixels)
     spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
     draw_suns(picture, spots, drawing.sun_mark_color(lighting), 6.5)
     for share, word, anchor in _MAP_WORDS:
         style = TextStyle(16, WHITE, anchor, shaded=True)
         draw_text(picture, (box.width * share, box.height - 12), word, style)
     return picture
-
-
-def _draw_compass(estimate: EstimatedLight, aspect: float, size: int) -> Image.Image:
-    """The sky from above: zenith at the center, the camera's heading at the top, its right on the right.
-
-    Args:
-        estimate: the light and the sun's distribution.
-        aspect: the photo's width / height.
-        size: of the square panel, in pixels.
-    """
-    lighting = estimate.lighting
-    panel = Image.new("RGB", (size, size), drawing.PANEL)
-    radius = size / 2 - 44
-    heat = _draw_density(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
-    corner = (round(size / 2 - radius),) * 2
-    panel.paste(heat, corner, drawing.rounded_mask(heat.size, heat.width // 2))
-    sideways, _, along = np.abs(lighting.sun_direction)
-    _draw_rings(panel, radius)
-    view = _on_dome(_frame_directions(lighting, aspect), size, radius)
-    drawing.draw_polygon(panel, view, WHITE, 0.10)
-    draw_lines(panel, [view], WHITE, 1.5, 0.6)
-    _draw_regions(panel, lighting, lambda d: _on_dome(d, size, radius))
-    _write_degrees(panel, radius, across=bool(sideways < along))
-    draw_suns(panel, _on_dome(lighting.sun_direction[None], size, radius), drawing.sun_mark_color(lighting), 8)
-    return panel
-
-
-# The compass's density and rings.
-
-
-def _draw_density(distribution: SunDistribution) -> Image.Image:
-    """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
-    side = (np.arange(_DENSITY_SIZE) + 0.5) / _DENSITY_SIZE * 2 - 1
-    x, y = np.meshgrid(side, side)
-    elevation = np.maximum(90.0 * (1 - np.hypot(x, y)), 0.0)
-    dome = direction(np.degrees(np.arctan2(x, -y)), elevation).reshape(-1, 3).astype(np.float32)
-    density = _density(dome, distribution)
-    level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_DENSITY_SIZE, _DENSITY_SIZE)
-    steps = np.linspace(0.0, 1.0, len(drawing.HEAT))
-    colors = np.stack([np.interp(level, steps, drawing.HEAT[:, c]) for c in range(3)], axis=-1)
-    return Image.fromarray(colors.astype(np.uint8))
-
-
-def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats:
-    """Density [1/sr] (M,) at directions (M, 3), each cell spread over its neighbourhood."""
-    probability = np.asarray(distribution.probability, dtype=np.float32)
-    cells = grid_directions(distribution.grid).astype(np.float32)
-    concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
-    probable = probability > 1e-4 * probability.max()
-    kernel = np.exp(concentration * (dome @ cells[probable].T - 1))
-    return np.asarray(kernel @ probability[probable] * concentration / np.float32(2 * np.pi))
-
-
-def _draw_rings(panel: Image.Image, radius: float) -> None:
-    """Draw elevation rings and a cross labelled front, right, behind and left, clear of a sun on the horizon."""
-    center = panel.width / 2
-    spokes = [np.array([[center - radius, center], [center + radius, center]])]
-    spokes.append(spokes[0][:, ::-1])
-    rings = [_ring_pixels(center, radius * (90 - elevation) / 90) for elevation in _RINGS]
-    draw_lines(panel, spokes + rings, WHITE, 1, 0.22)
-    draw_lines(panel, [_ring_pixels(center, radius)], drawing.LINE, 2, 1.0)
-    draw_text(panel, (center, 16), "front", TextStyle(18, TEXT, anchor="mm"))
-    far = panel.width - 22.0
-    for spot, word in (((center, panel.height - 16), "behind"), ((22.0, center), "left"), ((far, center), "right")):
-        draw_text(panel, spot, word, TextStyle(18, drawing.MUTED, anchor="mm"))
-
-
-def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
-    """Write the rings' degrees, on what is drawn: behind the zenith, or on its right where `across`.
-
-    The regions' shares stand in line with the sun.
-    """
-    center = panel.width / 2
-    for elevation in _RINGS:
-        out = center + radius * (90 - elevation) / 90
-        spot = (out + 6, center - 3) if across else (center + 6, out - 3)
-        draw_text(panel, spot, f"{elevation}°", TextStyle(15, TEXT, anchor="ls", shaded=True))
-
-
-def _ring_pixels(center: float, radius: float) -> Floats:
-    angle = np.linspace(0.0, 2 * np.pi, 181)
-    return np.stack([center + radius * np.cos(angle), center + radius * np.sin(angle)], axis=-1)
-
-
-def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
-    """Pixels (N, 2) on a compass of that size; directions below the horizon are drawn on the rim."""
-    azimuth, elevation = angles(directions)
-    reach, angle = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0, np.radians(azimuth)
-    return np.stack([size / 2 + reach * np.sin(angle), size / 2 - reach * np.cos(angle)], axis=-1)
-
-
-# Lines on the sphere of directions: the sun's regions and the photo's frame.
-
-
-def _draw_regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
-    """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
-    color = drawing.sun_mark_color(lighting)
-    labels: list[tuple[str, Floats]] = []
-    for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
-        rim = _circle_around_sun(lighting, radius)
-        if radius <= 0 or rim[180, 1] <= 0:
-            continue
-        line = pixels(rim[rim[:, 1] > -0.02])
-        drawing.draw_outlined_lines(picture, list(_split_at_seam(line, picture.width)), color, width)
-        outwards = pixels(rim[180]) - pixels(_circle_around_sun(lighting, 0.98 * radius)[180])
-        outwards = outwards / np.hypot(*outwards)
-        spot = pixels(rim[180]) + 14 * outwards
-        labels.append((share, _avoid_overlap([other for _, other in labels], spot, outwards)))
-    for share, spot in labels:
-        draw_text_inside(picture, spot, share, _SHARE_LETTERS, color)
-
-
-def _avoid_overlap(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
-    """The spot (2,) of a share, moved along `outwards` as far as needed to cover none of the others."""
-    room = np.array([drawing.text_width("90 %", _SHARE_LETTERS) + 6, _SHARE_LETTERS + 4])
-    for other in others:
-        lacking = room - (spot - other) * np.sign(outwards)
-        if np.all(np.abs(spot - other) < room):
-            spot = spot + outwards * float(np.min(lacking / np.maximum(np.abs(outwards), 1e-6)))
-    return spot
-
-
-def _circle_around_sun(lighting: Lighting, radius: float) -> Floats:
-    """Directions (361, 3) at `radius` deg around the sun: from the lowest (index 0) over the highest (180) and back."""
-    right, up, sun = camera_axes(lighting.sun_azimuth, lighting.sun_elevation, 0.0)
-    angle = np.linspace(0.0, 2 * np.pi, 361)[:, None]
-    across = np.sin(angle) * right - np.cos(angle) * up
-    return np.asarray(np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * across)
-
-
-def _frame_directions(lighting: Lighting, aspect: float) -> Floats:
-    """Directions (N, 3) through the photo's border, a closed loop."""
-    y = np.tan(np.radians(lighting.vertical_fov) / 2)
-    x, side = aspect * y, np.linspace(-1.0, 1.0, 48)
-    one = np.ones_like(side)
-    border = np.concatenate([np.stack(p, axis=-1) for p in ((side, one), (one, -side), (-side, -one), (-one, side))])
-    right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll)
-    return np.asarray(x * border[:, :1] * right + y * border[:, 1:] * up + forward)
-
-
-def _split_at_seam(line: Floats, width: float) -> Iterator[Floats]:
-    """A line (N, 2) cut where it jumps by more than half the picture's width, as it does at the seam."""
-    jumps = np.flatnonzero(np.abs(np.diff(line[:, 0])) > width / 2) + 1
-    yield from (piece for piece in np.split(line, jumps) if len(piece) > 1)

@@ -53,7 +53,7 @@ def max_terraced_value(step: float) -> float:
 
 
 @dataclass(frozen=True)
-class _ExposureRatio:
+class ExposureRatio:
     """A longer exposure / the next shorter one."""
 
     value: float
@@ -71,7 +71,7 @@ class ExposureRatios:
 
     relative: Floats
     """(N,), with EXIF s x ISO / 100 / f-number^2, else the longest is 1."""
-    ratios: tuple[_ExposureRatio | None, ...]
+    ratios: tuple[ExposureRatio | None, ...]
     """Measured, (N - 1); None where the pixels cannot say."""
     from_exif: bool
     """Whether the files' own exposures counted."""
@@ -103,7 +103,7 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
     return ExposureRatios(relative / relative[-1], ratios, False, ())
 
 
-def _measure_ratio(short: LinearPhoto, long: LinearPhoto) -> _ExposureRatio | None:
+def _measure_ratio(short: LinearPhoto, long: LinearPhoto) -> ExposureRatio | None:
     """The ratio by the pixels that both show; None where they are too few."""
     full = min(long.white, float(long.pixels.max()))
     usable = (long.pixels < MAX_VALUE * full) & (long.pixels > MIN_VALUE * full) & (short.pixels < short.white)
@@ -119,7 +119,7 @@ def _measure_ratio(short: LinearPhoto, long: LinearPhoto) -> _ExposureRatio | No
         slope, error = _robust_slope(x, y)
     if slope <= 0 or error > MAX_RATIO_ERROR * slope:
         return None
-    return _ExposureRatio(float(1 / slope), float(error / slope), len(index))
+    return ExposureRatio(float(1 / slope), float(error / slope), len(index))
 
 
 def clipped_mask(photo: LinearPhoto) -> Mask:
@@ -167,7 +167,7 @@ def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def _check_exif_ratios(
-    relative: Floats, ratios: tuple[_ExposureRatio | None, ...], names: tuple[str, ...]
+    relative: Floats, ratios: tuple[ExposureRatio | None, ...], names: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Warnings where the pixels contradict EXIF; ProbeError where they do as a curve would."""
     steps = zip((relative[1:] / relative[:-1]).tolist(), ratios, pairwise(names), strict=True)

@@ -19,7 +19,7 @@ SHARED_FILES = (PLATE, ENVIRONMENT, RECORD, LIT_GROUND, GROUND)  # the same for 
 
 
 @dataclass(frozen=True)
-class _ExporterOption:
+class ExporterOption:
     """An option that a tool's writer takes by name."""
 
     choices: tuple[str, ...] = ()
@@ -38,7 +38,7 @@ class Exporter:
     """(scene, folder, **options)."""
     files: tuple[str, ...]
     """All that `write` may make; the tool opens the first."""
-    options: dict[str, _ExporterOption] = field(default_factory=dict)
+    options: dict[str, ExporterOption] = field(default_factory=dict)
     """That `write` takes, by name."""
     animate: Callable[..., dict[str, str]] | None = None
     """(CameraMotion) to the texts of files beside the scene's."""
@@ -73,14 +73,14 @@ EXPORTERS: dict[str, Exporter] = {
     "blender": Exporter(
         _import_function("lighting.scene.blender", "write_blender"),
         files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
-        options={"blend": _ExporterOption(help="have Blender write scene.blend, which a double click opens")},
+        options={"blend": ExporterOption(help="have Blender write scene.blend, which a double click opens")},
         animate=_import_function("lighting.scene.blender", "animate_blender"),
         opened_by="blender --python {file}",
     ),
     "usd": Exporter(
         _import_function("lighting.scene.usd", "write_usd"),
         files=("scene.usda", "scene.usdz", *SHARED_FILES),
-        options={"up_axis": _ExporterOption(("Y", "Z"), default="Y")},
+        options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
         animate=_import_function("lighting.scene.usd", "animate_usd"),
         opened_by="usdview {file}, or import it into any program that reads USD; scene.usdz is for AR, without lights",
     ),

@@ -29,8 +29,8 @@ LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek an
 SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to the sky's units before the division
 SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_RADIUS))))  # sr
 
-_HOSEK_WILKIE_TABLE, _PRAGUE_TABLE = "hosek_wilkie.f32", "prague.f16"  # export/data/sky_tables.py made them
-# Of the arrays in the first, one behind the other; export/data/sky_tables.py names their axes.
+_HOSEK_WILKIE_TABLE, _PRAGUE_TABLE = "hosek_wilkie.f32", "prague.f16"
+# By export/data/sky_tables.py of commit de718dbf. Of the arrays in the first, one behind the other:
 _SHAPES = {"sky": (10, 2, 6, 3, 9), "sky_radiance": (10, 2, 6, 3), "sun": (10, 45, 3, 4, 6)}
 _RANGES = {"sun elevation": (0.0, 90.0), "turbidity": (1.0, 10.0), "albedo": (0.0, 1.0)}
 _ROUNDING = 1e-3  # how far beyond the ends of its range a value may lie, for angles that went through float32

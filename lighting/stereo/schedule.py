@@ -122,7 +122,7 @@ class PlanRequest:
 
 
 @dataclass(frozen=True)
-class _SurfaceOrientation:
+class SurfaceOrientation:
     """What a window promises for one orientation of the surface; infinite where its light resolves nothing."""
 
     name: str
@@ -166,7 +166,7 @@ class Window:
     """Lambda_max, median."""
     rotation_free_gain: float
     """1 / sigma_min, median."""
-    orientations: tuple[_SurfaceOrientation, ...]
+    orientations: tuple[SurfaceOrientation, ...]
     """Of surfaces, and how well each is told."""
     sphere: Floats
     """(S, S), lambda_max over the half sphere seen, see `_half_sphere_normals`."""
@@ -422,7 +422,7 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
 
 def _predict_orientations(
     day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float
-) -> Iterator[_SurfaceOrientation]:
+) -> Iterator[SurfaceOrientation]:
     """What each named orientation gets of photos at moments (K, shots)."""
     names, normals = _named_normals(question.facing)
     inverses, noise = _gram_inverses(day, moments, normals, scale), question.noise / 100
@@ -430,7 +430,7 @@ def _predict_orientations(
     gain = np.median(gain_from_inverse(inverses), axis=1)
     for name, e, g, interval in zip(names, error, gain, interval_95(gain, noise), strict=True):
         east, up, south = map(float, interval)
-        yield _SurfaceOrientation(*name, float(e), float(g.max()), (east, up, south))
+        yield SurfaceOrientation(*name, float(e), float(g.max()), (east, up, south))
 
 
 def _sphere_gains(day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float) -> Floats:

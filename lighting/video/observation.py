@@ -86,7 +86,7 @@ _BUFFERED_FRAMES = 56  # frames: the longest dissolve, what is before it, and th
 
 
 @dataclass(frozen=True)
-class _Dissolve:
+class Dissolve:
     """When two pictures are mixed."""
 
     first: float
@@ -105,7 +105,7 @@ class _ComparedFrame:
     even: NDArray[np.uint8]  # (h, w) smaller, of one mean and spread whatever the exposure
 
 
-class _DissolveDetector:
+class DissolveDetector:
     """Takes a clip's frames one by one; tells a dissolve somewhat later than it is over."""
 
     def __init__(self) -> None:
@@ -124,7 +124,7 @@ class _DissolveDetector:
         """Whether a dissolve has begun and was not yet returned."""
         return bool(self._mixed)
 
-    def take(self, frame: Frame) -> _Dissolve | None:
+    def take(self, frame: Frame) -> Dissolve | None:
         """Take the next frame and return the dissolve that it shows to be over; None without one.
 
         Args:
@@ -145,7 +145,7 @@ class _DissolveDetector:
         is_over = bool(self._mixed) and compared.number - max(self._mixed) > _MAX_UNMIXED + LAGS[-1]
         return self.finish() if is_over else None
 
-    def finish(self) -> _Dissolve | None:
+    def finish(self) -> Dissolve | None:
         """Return the dissolve that was not yet returned, once no frame comes any more; None without one."""
         if not self._mixed:
             return None
@@ -160,7 +160,7 @@ class _DissolveDetector:
 
         if last - first > _MAX_DISSOLVE_FRAMES or _match_frames(at(first - _CLEAR_FRAMES), at(last + _CLEAR_FRAMES)):
             return None
-        return _Dissolve(at(first).time, at(last).time)
+        return Dissolve(at(first).time, at(last).time)
 
     def _compare(self, before: _ComparedFrame, middle: _ComparedFrame, after: _ComparedFrame) -> None:
         is_other = bool(self._mixed) and middle.number > max(self._mixed) + _MAX_UNMIXED  # this dissolve is told first
@@ -238,7 +238,7 @@ def _split_shots(tracked: ShotObservations) -> list[ShotObservations]:
     return [_select_frames(tracked, [i for i, m in enumerate(members) if m == n]) for n in range(number + 1)]
 
 
-def _split_at_dissolve(tracked: ShotObservations, dissolve: _Dissolve) -> list[ShotObservations]:
+def _split_at_dissolve(tracked: ShotObservations, dissolve: Dissolve) -> list[ShotObservations]:
     """Divide what was tracked at the middle of a dissolve, if a shot is before it.
 
     Nothing counts as followed or seen while it lasts; nor does what is followed from before it later on.
@@ -296,7 +296,7 @@ class _ClipObserver:
         self._model, self._every, self._due = model, every, 0.0
         self._last_look = -math.inf
         self._vertical_fov = vertical_fov
-        self._tracker, self._dissolves = PointTracker(), _DissolveDetector()
+        self._tracker, self._dissolves = PointTracker(), DissolveDetector()
         self._check_pending = False  # whether a new stretch is to be compared with what was before
         self._steps: list[TrackedFrame] = []
         self._keys: dict[int, Keyframe] = {}
@@ -341,7 +341,7 @@ class _ClipObserver:
         self._steps, self._keys, self._estimates = list(rest.steps), dict(rest.keys), dict(rest.estimates)
         self._check_pending = False
 
-    def _divide(self, dissolve: _Dissolve) -> Iterator[ShotObservations]:
+    def _divide(self, dissolve: Dissolve) -> Iterator[ShotObservations]:
         """Hand out what is before a dissolve."""
         *before, rest = _split_at_dissolve(self._tracked(), dissolve)
         for part in before:

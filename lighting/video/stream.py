@@ -68,7 +68,7 @@ FIRST_CHAIN = 0  # the chain that headings are against
 
 
 @dataclass(frozen=True, eq=False)
-class _BankKeyframe:
+class BankKeyframe:
     """A keyframe of the bank."""
 
     keyframe: Keyframe
@@ -76,21 +76,19 @@ class _BankKeyframe:
     chain: int
 
 
-class _KeyframeBank:
+class KeyframeBank:
     """Keyframes with their orientations, not two of one direction in a chain."""
 
     def __init__(self) -> None:
-        self.keyframes: list[_BankKeyframe] = []
+        self.keyframes: list[BankKeyframe] = []
 
-    def nearest_of_chain(
-        self, key: Keyframe, orientation: Floats, chain: int, within: float
-    ) -> Sequence[_BankKeyframe]:
+    def nearest_of_chain(self, key: Keyframe, orientation: Floats, chain: int, within: float) -> Sequence[BankKeyframe]:
         """The nearest MAX_COMPARED of a new keyframe's chain within an angle [deg], its neighbours in time left out."""
         near = [k for k in self._by_angle(orientation) if k.chain == chain and _angle(k, orientation) < within]
         recent = key.number - RECENT_KEYFRAMES
         return [k for k in near if k.keyframe.number < recent or k.keyframe.stretch != key.stretch][:MAX_COMPARED]
 
-    def of_other_chains(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[_BankKeyframe]:
+    def of_other_chains(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[BankKeyframe]:
         """Keyframes of other chains, whose directions are unknown: none is too far off, and each gets its turn."""
         order = [k for k in self._by_angle(orientation) if k.chain != chain]
         rest = order[MAX_OTHER_CHAINS:]
@@ -98,7 +96,7 @@ class _KeyframeBank:
         in_turn = (rest + rest)[start : start + min(MAX_OTHER_CHAINS, len(rest))]
         return [*order[:MAX_OTHER_CHAINS], *in_turn]
 
-    def add(self, new: _BankKeyframe) -> None:
+    def add(self, new: BankKeyframe) -> None:
         """Remember a keyframe, unless its chain has one of nearly the same direction."""
         same = [k for k in self.keyframes if k.chain == new.chain]
         if any(_angle(k, new.orientation) < MIN_KEYFRAME_ANGLE for k in same):
@@ -113,7 +111,7 @@ class _KeyframeBank:
             if k.chain == chain:
                 self.keyframes[i] = replace(k, orientation=k.orientation @ correction, chain=other)
 
-    def _by_angle(self, orientation: Floats) -> list[_BankKeyframe]:
+    def _by_angle(self, orientation: Floats) -> list[BankKeyframe]:
         """All keyframes, those first that look nearly where a camera does."""
         return sorted(self.keyframes, key=lambda k: _angle(k, orientation))
 
@@ -127,7 +125,7 @@ class _KeyframeBank:
         return abandoned[0] if abandoned else (current if len(current) > len(first) else first[1:])[0]
 
 
-def _angle(k: _BankKeyframe, orientation: Floats) -> float:
+def _angle(k: BankKeyframe, orientation: Floats) -> float:
     """Between where a keyframe and a camera look [deg]."""
     return float(angle_between(-k.orientation[2], -orientation[2]))
 
@@ -252,7 +250,7 @@ class Tracker:
         self._point_tracker, self._lens = PointTracker(), _LensEstimator(user_input.vertical_fov)
         self._lens_std = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
         self._zoomed_key = -1  # the keyframe against which it was found to be zoomed
-        self._bank = _KeyframeBank()
+        self._bank = KeyframeBank()
         self._chain = self._last_chain = FIRST_CHAIN  # the one in use, and the last that was begun
         self._previous_key: Keyframe | None = None  # the keyframe before, where the thread was not lost since
         self._key_poses: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframes in use
@@ -327,7 +325,7 @@ class Tracker:
         """Begin another chain; all begins anew where there was no answer yet."""
         self._previous_key = None
         if self._first_light.posterior is None:
-            self._bank, self._orientation, self._gain = _KeyframeBank(), np.eye(3), np.ones(3)
+            self._bank, self._orientation, self._gain = KeyframeBank(), np.eye(3), np.ones(3)
             return
         self._last_chain += 1
         self._chain, self._due = self._last_chain, -math.inf
@@ -345,9 +343,9 @@ class Tracker:
             return
         if previous is not None:
             self._lens.add_keyframes(previous, key)
-        self._bank.add(_BankKeyframe(key, nearest_rotation(self._key_poses[key.number][0]), self._chain))
+        self._bank.add(BankKeyframe(key, nearest_rotation(self._key_poses[key.number][0]), self._chain))
 
-    def _match_bank(self, key: Keyframe, candidates: Sequence[_BankKeyframe]) -> tuple[_BankKeyframe, Floats] | None:
+    def _match_bank(self, key: Keyframe, candidates: Sequence[BankKeyframe]) -> tuple[BankKeyframe, Floats] | None:
         """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
         for kept in candidates:
             if (rotation := match_keyframes(kept.keyframe, key, self._lens.fov, self._lens_std)) is not None:
@@ -356,7 +354,7 @@ class Tracker:
                 return kept, self._key_poses[key.number][0].T @ rotation.rotation @ kept.orientation
         return None
 
-    def _join(self, kept: _BankKeyframe, rotation: Floats) -> None:
+    def _join(self, kept: BankKeyframe, rotation: Floats) -> None:
         """Turn the later of two chains, one of which has a keyframe that the other recognised, into the earlier."""
         if kept.chain > self._chain:
             self._bank.join(kept.chain, self._chain, rotation.T)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import pytest
 from filelock import FileLock
 
-from export.data.labels import _label_panorama, write_labels
+from export.data.labels import label_panorama, write_labels
 from export.data.panoramas import read_index
-from export.data.rendered_panoramas import _write_dataset
+from export.data.rendered_panoramas import render_folder
 
 if TYPE_CHECKING:
     from export.training.dataset import TrainConfig
@@ -37,8 +37,8 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of rendered panoramas and its labels."""
 
     def make(folder: Path) -> None:
-        _write_dataset(folder, 12, height=64)
-        write_labels([_label_panorama(p) for p in read_index(folder)], folder / "labels.csv")
+        render_folder(folder, 12, height=64)
+        write_labels([label_panorama(p) for p in read_index(folder)], folder / "labels.csv")
 
     return _make_once(tmp_path_factory, "panoramas", make)
 

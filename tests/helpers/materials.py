@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.scene_measures import Picture, shadow_azimuth
-from export.reports.probe import SKY_DAY, _BracketCamera, _clear_sky_at, _expose_bracket, _photograph_sky
+from export.reports.probe import SKY_DAY, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.develop import Moment
@@ -70,9 +70,9 @@ def write_service_files(folder: Path) -> None:
 
 def expose_sky(kind: Literal["equidistant", "ball"], time: datetime) -> list[np.ndarray]:
     """Exposures (H, W, 3) of a clear sky from 0 to 1, the shortest first."""
-    sky = _clear_sky_at(Moment(time, *PLACE))
-    picture = _photograph_sky(sky, make_lens(kind, 160, 160), yaw_rotation(40.0))
-    return [photo.pixels for photo in _expose_bracket(picture, _BracketCamera(14), np.random.default_rng(0), EXPOSURES)]
+    sky = clear_sky_at(Moment(time, *PLACE))
+    picture = photograph_sky(sky, make_lens(kind, 160, 160), yaw_rotation(40.0))
+    return [photo.pixels for photo in expose_bracket(picture, BracketCamera(14), np.random.default_rng(0), EXPOSURES)]
 
 
 def write_skies(folder: Path) -> None:

@@ -9,9 +9,7 @@ from PIL import Image
 from export.crops.crops import Camera, Crop, Source
 from export.data.labels import Label
 from export.data.panoramas import Panorama
-from export.data.procedural_towns import Mesh, _box
-from export.data.rendered_towns import TOWN_HEIGHT, _Sky
-from export.evaluation.diagnostics import _Failure
+from export.evaluation.failures import Failure
 from export.evaluation.metrics import Answers, Truth, answers_from_sun
 from export.networks.outdoor import network_specs
 from lighting.color import tone_map
@@ -131,7 +129,7 @@ def said(azimuth: list[float], elevation: list[float], radius: float = 10.0) -> 
     )
 
 
-FAILURE = _Failure(0, "p0", "sky in view", "yes", (10.0, 40.0), (90.0, 40.0), 12.0, 60.0, 80.0, 0.0)
+FAILURE = Failure(0, "p0", "sky in view", "yes", (10.0, 40.0), (90.0, 40.0), 12.0, 60.0, 80.0, 0.0)
 
 
 def off_by(truth: Truth, azimuth: np.ndarray) -> Answers:
@@ -152,25 +150,6 @@ def drawn(count: int, concentration: float, seed: int = 0) -> tuple[list[Predict
     said = [lobe_prediction(rng.uniform(-180, 180), rng.uniform(20, 70), concentration) for _ in range(count)]
     cells = grid_directions(GRID)
     return said, np.array([cells[rng.choice(len(cells), p=p.sun_probability / p.sun_probability.sum())] for p in said])
-
-
-ALBEDO = (0.2, 0.4, 0.6)
-
-
-def plain(size: float = 400.0) -> Mesh:
-    """A level square of ground."""
-    h = size / 2
-    return Mesh(np.array([[[-h, 0, -h], [-h, 0, h], [h, 0, h], [h, 0, -h]]]), np.array([ALBEDO]))
-
-
-NOTHING = _box(np.array([900.0, 900.0]), np.ones(3), 0, np.array(ALBEDO))
-
-
-def clear(elevation: float = 40.0, sunlight: float = 1.0) -> _Sky:
-    lighting = Lighting(sun_azimuth=60.0, sun_elevation=elevation, turbidity=3.0, exposure=0.02)
-    radiance = render(lighting, TOWN_HEIGHT, sun=False)
-    radiance[TOWN_HEIGHT // 2 :] = 0.0
-    return _Sky(radiance, lighting, sunlight)
 
 
 # The light of an HDR panorama.

@@ -20,8 +20,6 @@ from typing import Any
 
 import pytest
 
-from export.data.panoramas import DataError
-from export.data.rendered_towns import find_llvm
 from tests.helpers.pages import ROOT
 
 
@@ -68,13 +66,6 @@ def _find_engines() -> str | None:
     """The chroot of scripts/engines.sh, which root alone can enter."""
     folder = os.environ.get("LIGHTING_ENGINES")
     return folder if folder and Path(folder, "usr", "bin", "godot").exists() and os.geteuid() == 0 else None
-
-
-def _find_llvm() -> str | None:
-    try:
-        return find_llvm()
-    except DataError:
-        return None
 
 
 def _modules(line: str, titles: dict[str, str]) -> dict[str, Requirement]:
@@ -127,7 +118,6 @@ REQUIREMENTS = {
     "node": Requirement("Node.js", partial(_find_program, "node"), "apt install nodejs npm"),
     **_node_modules("server/web"),
     **_node_modules("tests/node"),
-    "llvm": Requirement("LLVM", _find_llvm, "apt install libllvm19"),
     "time": Requirement("time", partial(os.environ.get, "THOROUGH"), "THOROUGH=1 python -m pytest -m thorough"),
     "blender": Requirement("Blender", _find_blender, "BLENDER_PYTHON=python with bpy"),
     "engines": Requirement("Godot", _find_engines, "LIGHTING_ENGINES=chroot by scripts/engines.sh, as root"),

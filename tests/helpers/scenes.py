@@ -14,7 +14,7 @@ from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight, SunDistribution
 from lighting.preview.drawing import SUN
 from lighting.records import Lighting
-from lighting.scene import Exporter, _ExporterOption
+from lighting.scene import Exporter, ExporterOption
 from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import Folder, encode_plate
 from lighting.sky import SkyModel, Weather
@@ -122,4 +122,24 @@ def write_toy(scene: Scene, folder: Folder, *, unit: str = "m") -> None:
 
 
 EASTERN = SkyModel(eastern_luminance)
-TOY = Exporter(write_toy, files=(TEXT, PICTURE), options={"unit": _ExporterOption(("m", "cm"), default="m")})
+TOY = Exporter(write_toy, files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")})
+
+
+def cube_directions(size: int) -> Floats:
+    """Unit vectors (6, size, size, 3) of a cubemap's pixels, by table 8.19 of OpenGL's specification."""
+    steps = (np.arange(size) + 0.5) * (2 / size) - 1
+    s, t = np.meshgrid(steps, steps)
+    one = np.ones_like(s)
+    faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
+    vectors = np.array([np.stack(face, axis=-1) for face in faces])
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def harmonics(direction: Floats) -> Floats:
+    """The nine real spherical harmonics (..., 9) of unit vectors (..., 3), as WebXR's light estimation numbers them."""
+    x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
+    functions = [
+        np.full_like(x, 0.282095), 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z,
+        0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y),
+    ]  # fmt: skip
+    return np.stack(functions, axis=-1)

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from PIL import ExifTags
 from PIL import Image as Picture
 
-from export.data.rendered_panoramas import _SyntheticPanorama
+from export.data.rendered_panoramas import RenderedPanorama
 from lighting.geometry import direction
 from lighting.stereo.light_vectors import Skies, illumination_matrices, sun_directions
 from lighting.stereo.pose import Pose, camera_to_world
 
 
-def sun_of(scene: _SyntheticPanorama) -> np.ndarray:
+def sun_of(scene: RenderedPanorama) -> np.ndarray:
     return np.asarray(direction(scene.sun_azimuth or 0.0, scene.sun_elevation or 0.0))
 
 

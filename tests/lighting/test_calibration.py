@@ -9,19 +9,20 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lighting.calibration import (
-    _MAX_LEAN,
     LINES_SIDE,
     _edges_of,
-    _level_in_camera,
     _Lines,
     calibrate_from_lines,
     lens_ratio,
+    level_in_camera,
     up_in_camera,
 )
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_directions, direction
 from lighting.prediction import Prediction
 from tests.helpers.cameras import FINER, poles
 from tests.helpers.predictions import are_equal, prediction
+
+MAX_LEAN = 25.0  # deg
 
 
 def camera_prediction(elevation: float, roll: float, fov: float = 50.0) -> Prediction:
@@ -159,7 +160,7 @@ def test_everything_else_stays() -> None:
 def test_up_and_level_directions_are_those_of_the_cameras_axes(heading: float, elevation: float, roll: float) -> None:
     axes = camera_axes(0.0, elevation, roll)
     assert up_in_camera(elevation, roll) == pytest.approx(axes @ [0.0, 1.0, 0.0], abs=1e-9)
-    level = _level_in_camera(np.array(heading), np.array(elevation), roll)
+    level = level_in_camera(np.array(heading), np.array(elevation), roll)
     assert level == pytest.approx(axes @ direction(heading, 0.0), abs=1e-9)
 
 
@@ -197,11 +198,11 @@ def test_both_edges_of_a_bar_lean_as_it_does(leaning: float) -> None:
 
 
 def test_what_leans_too_far_or_lies_is_no_vertical() -> None:
-    assert len(found(bar(_MAX_LEAN + 12.0)).length) == 0
+    assert len(found(bar(MAX_LEAN + 12.0)).length) == 0
     assert len(found(bar(90.0)).length) == 0
 
 
-@pytest.mark.parametrize("leaning", [90.0, 80.0, 60.0, -45.0, -70.0, _MAX_LEAN + 12.0])
+@pytest.mark.parametrize("leaning", [90.0, 80.0, 60.0, -45.0, -70.0, MAX_LEAN + 12.0])
 def test_what_leans_further_is_found_apart(leaning: float) -> None:
     edges = _edges_of(bar(leaning), LEVEL, FOCAL)
     assert len(edges.upright.length) == 0

@@ -22,13 +22,13 @@ from lighting.envmap.detail_library import load_detail_library
 from lighting.errors import ModelError
 from lighting.model import Model
 from lighting.sky import clear_sky
-from lighting.stereo.normal_network import Network, _packaged_network
+from lighting.stereo.normal_network import Network
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
 LOADERS: dict[str, Callable[[], object]] = {
     "outdoor-4.1.0.onnx": Model.load,
     "outdoor-4.1.0.onnx.data": Model.load,
-    "normals-1.0.0.onnx": lambda: Network.load(_packaged_network()),
+    "normals-1.0.0.onnx": lambda: Network.load(),
     "detail.npy": load_detail_library.__wrapped__,
     "prague.f16": clear_sky._load_skies.__wrapped__,
     "hosek_wilkie.f32": clear_sky._load_tables.__wrapped__,

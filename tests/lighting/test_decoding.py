@@ -12,8 +12,6 @@ from hypothesis import strategies as st
 
 from lighting.color import luminance
 from lighting.decoding import (
-    _WHITE_SUN,
-    _clear_sun,
     blend_to_clear_sun,
     correct_sun_color,
     doubts_sun,
@@ -127,7 +125,6 @@ def test_a_sun_that_is_known_to_be_low_is_warmer_and_as_bright() -> None:
 
 
 def test_a_sun_s_colour_goes_to_that_of_a_clear_one_as_high() -> None:
-    assert pytest.approx(_clear_sun(60.0), rel=1e-12) == _WHITE_SUN
     assert correct_sun_color(WHITE, 60.0, 60.0) == pytest.approx(WHITE, rel=1e-4)
     shades = [
         red / blue for red, _, blue in (correct_sun_color(WHITE, e, e) for e in (3.0, 5.0, 10.0, 20.0, 40.0, 90.0))

@@ -19,7 +19,6 @@ from lighting.errors import ParameterError
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle
 from lighting.light_probe import (
     LIGHT_PROBE_FORMATS,
-    _harmonics_basis,
     compute_light_probe,
     encode_light_probe,
     irradiance_from_harmonics,
@@ -32,6 +31,7 @@ from lighting.records import Lighting, LightProbe
 from tests.conftest import scene as picture
 from tests.helpers.predictions import SUN_IRRADIANCE, UNIT_NORMALS, model_light, stated_light
 from tests.helpers.requirements import require
+from tests.helpers.scenes import harmonics
 
 LIGHT = stated_light()
 CONTEXT = PhotoContext(picture(64, 48), np.random.default_rng(2).uniform(0.1, 2, (12, 24, 3)).astype(np.float32))
@@ -229,29 +229,26 @@ MAP = RNG.random((32, 64, 3)).astype(np.float32)
 
 
 def test_the_functions_are_orthonormal() -> None:
-    basis = _harmonics_basis(latlong_directions(256))
+    basis = harmonics(latlong_directions(256))
     products = np.einsum("rci,rcj,r->ij", basis, basis, latlong_solid_angle(256))
     assert products == pytest.approx(np.eye(9), abs=1e-3)
 
 
 def test_their_order_and_signs_are_those_of_webxr() -> None:
-    x, y, z = direction = np.array([0.48, 0.6, -0.64])
-    expected = [
-        0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z,
-        0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y),
-    ]  # fmt: skip
-    assert _harmonics_basis(direction) == pytest.approx(expected, rel=1e-5)
+    """Each function alone gives its own value times that of the cosine's lobe."""
+    lobe = np.pi * np.array([1, *[2 / 3] * 3, *[1 / 4] * 5])
+    assert irradiance_from_harmonics(np.eye(9), UNIT_NORMALS) == pytest.approx(harmonics(UNIT_NORMALS) * lobe, abs=1e-5)
 
 
 def test_coefficients_are_the_integrals_of_a_map() -> None:
-    basis, weight = _harmonics_basis(latlong_directions(32)), latlong_solid_angle(32)
+    basis, weight = harmonics(latlong_directions(32)), latlong_solid_angle(32)
     expected = np.einsum("rcf,rck,r->fk", basis, MAP, weight, optimize=True)
     assert project_latlong(MAP) == pytest.approx(expected, abs=1e-5)
 
 
 def test_irradiance_is_that_of_a_map_of_few_frequencies() -> None:
     coefficients = np.concatenate([[[4.0, 5.0, 6.0]], RNG.uniform(-1, 1, (8, 3))])
-    image = (_harmonics_basis(latlong_directions(128)) @ coefficients).astype(np.float32)
+    image = (harmonics(latlong_directions(128)) @ coefficients).astype(np.float32)
     assert len(UNIT_NORMALS) == 14
     expected = envmap_irradiance(image, UNIT_NORMALS)
     assert irradiance_from_harmonics(coefficients, UNIT_NORMALS) == pytest.approx(expected, rel=1e-3)

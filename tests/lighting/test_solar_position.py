@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from pvlib import solarposition
 
 from lighting.geometry import angle_between, direction, wrap_azimuth
-from lighting.solar_position import _SUNSET, sun_position
+from lighting.solar_position import sun_position
+
+SUNSET = -0.8333  # deg: true elevation of the center when the upper edge appears on the horizon
 
 LATITUDES = [*np.linspace(-90.0, 90.0, 19), -23.44, 23.44]
 
@@ -30,7 +32,7 @@ def test_agrees_with_pvlib_from_1900_to_2100(latitude: float, delta_t: float | N
     azimuth, elevation = sun_position(times, latitude, longitude)
     apparent = whole["apparent_elevation"].to_numpy()
     apart = angle_between(direction(azimuth, elevation), direction(whole["azimuth"], apparent))
-    same_side = (elevation > _SUNSET + 0.4) == (apparent > _SUNSET + 0.4)  # of the step that refraction makes at SUNSET
+    same_side = (elevation > SUNSET + 0.4) == (apparent > SUNSET + 0.4)  # of the step that refraction makes at SUNSET
     assert same_side.mean() > 0.99
     assert apart[same_side].max() < 0.0015
     assert np.abs(elevation - apparent)[same_side].max() < 0.001
@@ -77,4 +79,4 @@ def test_refraction_lifts_the_low_sun_by_half_a_degree() -> None:
     steps = np.diff(elevation)
     rise = int(np.argmax(steps))
     assert 0.5 < steps[rise] - np.median(steps) < 0.8
-    assert elevation[rise] < _SUNSET < elevation[rise + 1]
+    assert elevation[rise] < SUNSET < elevation[rise + 1]

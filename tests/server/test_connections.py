@@ -18,7 +18,6 @@ from starlette.types import Receive, Scope, Send
 
 from server import connections
 from server.connections import (
-    _READ_BYTES,
     MAX_CHUNKS,
     MAX_HEADER_BYTES,
     MAX_REFUSALS,
@@ -31,6 +30,8 @@ from server.limits import ConnectionLimiter, PendingResponses
 from server.middleware import SECURITY_HEADERS
 from server.schemas import Problem
 from tests.helpers.processes import serve_app
+
+READ_BYTES = 4096
 
 SECONDS = 1.0
 GREEDY = "127.0.0.2"  # the address of a client that is refused
@@ -138,7 +139,7 @@ def test_headers_that_are_too_large_are_431(port: int) -> None:
         refused(rest(connection), 431, "headers-too-large")
 
 
-@pytest.mark.parametrize("over", [2, 1000, _READ_BYTES, 2 * _READ_BYTES])
+@pytest.mark.parametrize("over", [2, 1000, READ_BYTES, 2 * READ_BYTES])
 def test_whole_headers_a_little_too_large_are_431_too(port: int, over: int) -> None:
     connection = connected(port)
     frame = b"GET / HTTP/1.1\r\nHost: x\r\nX-A: %s\r\n\r\n"
@@ -303,7 +304,7 @@ def test_chunks_are_read_in_small_pieces_so_that_others_have_their_turn(
         with connected(port) as connection:
             connection.sendall(head + bytes(1_000_000) + (b"\r\n0\r\n\r\n" if b"chunked" in head else b""))
             assert answered(connection) == b"1000000"
-        assert (max(pieces) <= _READ_BYTES) == (b"chunked" in head)
+        assert (max(pieces) <= READ_BYTES) == (b"chunked" in head)
 
 
 def large(port: int) -> socket.socket:

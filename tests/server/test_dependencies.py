@@ -20,7 +20,7 @@ from lighting.photo.reader import TARGET
 from lighting.registration import features, photo_set
 from lighting.warning_codes import WarningCode
 from server.app import create_app
-from server.dependencies import NO_OPENCV, ROTATION_INFERRED, PhotoMatcher, Service, _Metrics
+from server.dependencies import NO_OPENCV, ROTATION_INFERRED, PhotoMatcher, Service, ServiceMetrics
 from server.limits import UNKNOWN, ArrivingBody, ConnectionLimiter, PendingResponses, UploadLimiter
 from server.problems import ProblemError
 from server.query_params import LightingsQuery
@@ -311,7 +311,7 @@ class Waiting:
 def test_the_gauges_follow_the_limits() -> None:
     limiter, uploads, pending = WorkLimiter(1, 2), UploadLimiter(3, 2), PendingResponses(1000)
     connections = ConnectionLimiter(9, 9)
-    metrics = _Metrics(limiter, uploads, pending, connections)
+    metrics = ServiceMetrics(limiter, uploads, pending, connections)
     pending.add(Waiting(), UNKNOWN)
     connections.open(Waiting(), UNKNOWN)
     with limiter.admission(), limiter.admission(), uploads.count_upload(ArrivingBody(UNKNOWN, lambda: None)):

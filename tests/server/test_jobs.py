@@ -20,6 +20,7 @@ import pytest
 from PIL import Image
 from starlette.testclient import TestClient
 
+from lighting.errors import LightingError
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
 from lighting.runtime import start_python
@@ -28,7 +29,7 @@ from lighting.stereo.output import _write_png16
 from lighting.stereo.pose import Pose
 from server import job_kinds, jobs
 from server.app import create_app
-from server.job_kinds import MAX_FILES, RESULT_FILE, _UploadError
+from server.job_kinds import MAX_FILES, RESULT_FILE
 from server.job_store import JOBS_FOLDER, RESULT_SECONDS, JobState, JobStore, StoredJob
 from server.limits import BusyError, Client, ShareTakenError, client_of_address
 from server.request_body import RequestBody
@@ -466,7 +467,7 @@ def test_a_zip_stays_in_its_folder_and_within_its_bytes(tmp_path: Path, monkeypa
         ({"y": b"1", "y/z": b"2"}, "no file's: y/z"),
     ):
         archive.write_bytes(pack(**files))
-        with pytest.raises(_UploadError, match=words):
+        with pytest.raises(LightingError, match=words):
             job_kinds._unpack(archive, 100)
         for path in sorted(Path("photos").rglob("*"), reverse=True):
             path.rmdir() if path.is_dir() else path.unlink()
@@ -499,7 +500,7 @@ def test_a_damaged_zip_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
         archive.write_bytes(data[: random.integers(20, 2 * len(data))])
         try:
             job_kinds._unpack(archive, 10_000)
-        except _UploadError as error:
+        except LightingError as error:
             damaged += str(error) == "The upload is no ZIP that can be read."
         shutil.rmtree("photos", ignore_errors=True)
     assert damaged > 50

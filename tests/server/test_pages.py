@@ -18,7 +18,7 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from server import pages
-from server.pages import BUNDLE, _Book, make_book_router, make_page_router
+from server.pages import BUNDLE, Book, make_book_router, make_page_router
 from tests.helpers.pages import ROOT
 
 
@@ -142,8 +142,8 @@ class Elements(HTMLParser):
 
 
 @cache
-def shown() -> _Book:
-    return _Book()
+def shown() -> Book:
+    return Book()
 
 
 @cache
@@ -214,7 +214,7 @@ def test_a_wheel_has_what_a_clone_shows(tmp_path: Path, monkeypatch: pytest.Monk
     shutil.copy(ROOT / "lighting" / "data" / card.name, card)
     monkeypatch.setattr(pages, "_CLONE", tmp_path)
     monkeypatch.setattr(pages, "_PACKAGED", tmp_path / "server" / "book_pages")
-    wheel = _Book()
+    wheel = Book()
     assert [page.address for page in wheel.pages] == ADDRESSES
     for page in wheel.pages:
         original = shown().find_page(page.address)

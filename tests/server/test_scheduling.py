@@ -19,7 +19,7 @@ from server.app import create_app
 from server.dependencies import Service
 from server.limits import BusyError, ShareTakenError, client_of_address
 from server.limits import Client as Asker
-from server.scheduling import HALF_LIFE, WorkLimiter, _CpuUsage
+from server.scheduling import HALF_LIFE, CpuUsage, WorkLimiter
 from server.settings import Settings
 from tests.server.conftest import Client, until
 
@@ -342,7 +342,7 @@ def test_photos_are_never_long_on_a_slow_machine() -> None:
 
 def test_processor_time_counts_half_after_a_while() -> None:
     now = [0.0]
-    usage = _CpuUsage(lambda: now[0])
+    usage = CpuUsage(lambda: now[0])
     home = [client_of_address(f"2001:db8:0:{network:x}::1") for network in (0x100, 0x101)]
     usage.add(home[0], 4.0)
     usage.add(home[1], 4.0)

@@ -10,9 +10,9 @@ from export.crops.augmentation import (
     CAMERA_EFFECTS,
     PICTURE_EFFECTS,
     SCENE_EFFECTS,
+    Effect,
     Linear,
     Picture,
-    _Effect,
     augment,
     cutmix,
     cutmix_partners,
@@ -70,13 +70,13 @@ def test_a_new_effect_changes_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
         return np.zeros_like(picture)
 
     before = drawn()
-    monkeypatch.setitem(augment.__globals__, "SCENE_EFFECTS", (_Effect("toy scene", 1.0, draws_only), *SCENE_EFFECTS))
-    more = (_Effect("toy", 1.0, draws_only), *CAMERA_EFFECTS)
+    monkeypatch.setitem(augment.__globals__, "SCENE_EFFECTS", (Effect("toy scene", 1.0, draws_only), *SCENE_EFFECTS))
+    more = (Effect("toy", 1.0, draws_only), *CAMERA_EFFECTS)
     monkeypatch.setitem(augment.__globals__, "CAMERA_EFFECTS", more)
     for (one, *rest), (other, *others) in zip(before, drawn(), strict=True):
         assert np.array_equal(one, other)
         assert rest == others
-    monkeypatch.setitem(augment.__globals__, "PICTURE_EFFECTS", (*PICTURE_EFFECTS, _Effect("toy night", 0.5, blacken)))
+    monkeypatch.setitem(augment.__globals__, "PICTURE_EFFECTS", (*PICTURE_EFFECTS, Effect("toy night", 0.5, blacken)))
     after = drawn()
     black = [not picture.any() for picture, *_ in after]
     assert 0 < sum(black) < len(after)

@@ -11,11 +11,11 @@ from PIL import Image
 from export.crops.photos import (
     PHOTO_COLUMNS,
     PHOTOS,
+    PhotoRow,
     PhotoSource,
-    _fit_scale,
-    _PhotoRow,
     crop_photo,
     fit_elevation_prior,
+    fit_elevation_scale,
     load_photos,
     photo_sun_likelihood,
     photo_weights,
@@ -31,15 +31,14 @@ from export.training.suitability_head import (
     _synthesize,
     _vary,
 )
-from lighting.color import tone_map
 from lighting.geometry import angles
 from lighting.sun_grid import grid_directions
 from tests.helpers.panoramas import EXAMPLES_SPEC, source
 
-ROW = _PhotoRow(Path("a.jpg"), "a_1", 30.0, 20.0, 10.0, "yes", 60.0)
+ROW = PhotoRow(Path("a.jpg"), "a_1", 30.0, 20.0, 10.0, "yes", 60.0)
 
 
-def photo(row: _PhotoRow = ROW) -> PhotoSource:
+def photo(row: PhotoRow = ROW) -> PhotoSource:
     """A picture whose red tells the column and whose green tells the row."""
     y, x = np.mgrid[0:300, 0:400]
     return PhotoSource(row, np.stack([x * 0.6, y * 0.8, np.full_like(x, 90)], axis=-1).astype(np.uint8))
@@ -73,7 +72,7 @@ def test_the_likelihood_is_widest_where_least_is_known() -> None:
     behind = np.abs(np.abs(azimuth - crop.sun_azimuth) - 180) < 30
     assert 0 < weight[behind].sum() < 0.05
     unknown = crop_photo(
-        photo(_PhotoRow(Path("a"), "a", math.nan, 20.0, math.nan, "", math.nan)),
+        photo(PhotoRow(Path("a"), "a", math.nan, 20.0, math.nan, "", math.nan)),
         np.random.default_rng(0),
         EXAMPLES_SPEC,
     )
@@ -83,22 +82,9 @@ def test_the_likelihood_is_widest_where_least_is_known() -> None:
     assert ring[near].sum() > 0.5
 
 
-def test_a_stretched_photo_is_taller_and_has_a_higher_sun() -> None:
-    """Each step down the picture shows fewer rows of the photo, by the stretch; columns stay as they are."""
-    for seed in range(8):
-        crop = crop_photo(photo(), np.random.default_rng(seed), EXAMPLES_SPEC, upwards=1.4)
-        assert math.tan(math.radians(crop.sun_elevation)) == pytest.approx(1.4 * math.tan(math.radians(20.0)))
-        height, width = crop.linear.shape[:2]
-        srgb = np.asarray(tone_map(crop.linear), dtype=float)
-        across = np.abs(np.diff(srgb[height // 2, 10:-10, 0])).mean() / 0.6
-        down = np.abs(np.diff(srgb[10:-10, width // 2, 1])).mean() / 0.8
-        assert across / down == pytest.approx(1.4, rel=0.06)
-        assert crop.camera.aspect == pytest.approx(width / height, rel=0.02)
-
-
 def test_photos_are_read_and_low_suns_and_small_groups_count_more(data: Path) -> None:
     path = next((data / "panoramas").iterdir()) if (data / "panoramas").exists() else next(data.glob("*.png"))
-    rows = [_PhotoRow(path, g, 0.0, e, 10.0, "yes", 60.0) for g, e in (("a", 50), ("a", 50), ("b", 50), ("c", 5))]
+    rows = [PhotoRow(path, g, 0.0, e, 10.0, "yes", 60.0) for g, e in (("a", 50), ("a", 50), ("b", 50), ("c", 5))]
     weights = photo_weights([PhotoSource(row, np.zeros((8, 8, 3), np.uint8)) for row in rows])
     assert weights.sum() == pytest.approx(1.0)
     assert weights[0] == weights[1] < weights[2] < weights[3]
@@ -111,14 +97,14 @@ def test_the_scale_that_made_the_photos_is_found(scale: float) -> None:
     crops, weights = rng.uniform(0, 80, 4000), rng.uniform(0.5, 2.0, 4000)
     chance = weights * np.exp(-crops / scale)
     photos = rng.choice(crops, 40000, p=chance / chance.sum())
-    fitted, gain = _fit_scale(crops, weights, photos)
+    fitted, gain = fit_elevation_scale(crops, weights, photos)
     assert fitted == pytest.approx(scale, rel=0.15)
     assert gain > 0
 
 
 def test_photos_like_the_crops_need_the_widest_scale() -> None:
     crops = np.linspace(0, 80, 500)
-    assert _fit_scale(crops, np.ones(500), crops)[0] == 300.0
+    assert fit_elevation_scale(crops, np.ones(500), crops)[0] == 300.0
 
 
 def test_the_scale_is_fitted_to_the_scenes_of_a_folder(data: Path, tmp_path: Path) -> None:

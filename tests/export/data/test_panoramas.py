@@ -12,7 +12,6 @@ from export.data.panoramas import (
     LABELS_PATCH,
     DataError,
     Panorama,
-    _read_patch,
     decode_srgb,
     is_permissive,
     read_index,
@@ -21,7 +20,7 @@ from export.data.panoramas import (
     read_table,
     write_table,
 )
-from export.data.rendered_panoramas import _blocked, _Things, _write_dataset, render_panorama
+from export.data.rendered_panoramas import _blocked, _Things, render_folder, render_panorama
 from lighting.color import luminance
 from lighting.geometry import direction, latlong_directions, latlong_pixel
 from lighting.records import GROUND_ALBEDO
@@ -39,7 +38,7 @@ def test_five_columns_are_enough(tmp_path: Path) -> None:
 
 
 def test_all_columns_of_a_rendered_folder(tmp_path: Path) -> None:
-    _write_dataset(tmp_path, 8, 16)
+    render_folder(tmp_path, 8, 16)
     panoramas = read_index(tmp_path)
     assert [p.name for p in panoramas] == [f"rendered_{number:04d}" for number in range(8)]
     assert {p.sun for p in panoramas} >= {"visible", "none"}
@@ -162,9 +161,9 @@ VISIBLE_ROW = {**ROW, "sun": "visible", "sun_azimuth": "10", "sun_elevation": "4
 VISIBLE_ROW |= {"sun_uncertainty": "3", "direct": "yes"}
 
 
-def test_the_projects_own_patch_can_be_read() -> None:
+def test_the_projects_own_patch_can_be_read(tmp_path: Path) -> None:
     assert LABELS_PATCH.read_text(encoding="utf-8").splitlines()[0] == PATCH_HEADER
-    _read_patch(LABELS_PATCH)
+    assert read_index(write_index(tmp_path, ROW))
 
 
 def test_a_patch_changes_the_fields_that_it_fills_and_ignores_unknown_names(
@@ -349,7 +348,7 @@ def test_some_crowded_scenes_hide_the_sun() -> None:
 
 
 def test_a_folder_is_written_that_can_be_read(tmp_path: Path) -> None:
-    _write_dataset(tmp_path, 6, 16, seed=5)
+    render_folder(tmp_path, 6, 16, seed=5)
     panoramas = read_index(tmp_path)
     assert len(panoramas) == 6
     assert {p.split for p in panoramas} == {"train", "val"}

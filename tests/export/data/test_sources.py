@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from export.__main__ import export_cli
 from export.data.panoramas import DataError, is_permissive, read_table
-from export.data.sources import _is_stitched, _split_source, list_sources
+from export.data.sources import list_sources
 from tests.helpers.pages import ROOT
 
 LISTED = ROOT / "export" / "data" / "sources.csv"
@@ -75,13 +75,19 @@ def test_a_photo_that_is_not_there_is_named(folder: Path) -> None:
         ("", "", False),
     ],
 )
-def test_panoramas_made_of_tiles_say_so(path: str, notes: str, stitched: bool) -> None:
-    assert _is_stitched(path, notes) is stitched
+def test_panoramas_made_of_tiles_say_so(folder: Path, path: str, notes: str, stitched: bool) -> None:
+    row = f"a,a.webp,ldr,square,train,visible,10,30,none stated,me/tour:{path},{notes}"
+    (folder / "panoramas.csv").write_text(f"{INDEX.splitlines()[0]}\n{row}\n", encoding="utf-8")
+    list_sources(folder, folder / "list.csv")
+    assert read_table(folder / "list.csv")[0]["stitched"] == ("yes" if stitched else "no")
 
 
-def test_sources_are_split_into_address_path_and_version() -> None:
-    assert _split_source("pypi-open3d-cpu:a.hdr") == ("https://pypi.org/project/open3d-cpu/", "a.hdr", "")
-    assert _split_source("") == ("", "", "")
+def test_sources_are_split_into_address_path_and_version(folder: Path) -> None:
+    source = "pypi-open3d-cpu:a.hdr"
+    (folder / "panoramas.csv").write_text(INDEX.replace("me/tour:pano/a.jpg", source), encoding="utf-8")
+    list_sources(folder, folder / "list.csv")
+    row = read_table(folder / "list.csv")[0]
+    assert (row["address"], row["path"], row["version"]) == ("https://pypi.org/project/open3d-cpu/", "a.hdr", "")
 
 
 def test_the_list_in_the_repository_holds_all_that_is_learnt_from() -> None:

@@ -12,40 +12,35 @@ from PIL import Image
 from export.crops.crops import Camera, Source
 from export.data.labels import Label
 from export.data.panoramas import Panorama
-from export.evaluation.diagnostics import (
+from export.evaluation.diagnostics import RELIABILITY_FILE, ScoredCrops, diagnostic_sections
+from export.evaluation.failures import (
     ACROSS,
     CAUSES,
-    CONE,
-    DENSEST,
     ESTIMATE_COLOR,
     MAX_EACH,
     MAX_FAILURES,
-    RELIABILITY_FILE,
     THUMBNAIL,
     TRUE_COLOR,
-    ScoredCrops,
-    _cone_level,
-    _contact_sheet,
-    _density_levels,
-    _draw_reliability,
-    _failures_report,
-    _fit_temperature,
-    _inside,
-    _reliability_curves,
-    _reliability_report,
-    _temperature_report,
-    _tempered,
-    _turbidity_report,
-    _worst_crops,
-    _write_failures,
-    diagnostic_sections,
+    draw_contact_sheet,
+    failures_report,
+    find_worst_crops,
+    write_failures,
 )
-from export.evaluation.metrics import answers_from_sun
+from export.evaluation.metrics import Truth, answers_from_sun, select_crops
 from export.evaluation.predictions import decode_answers
-from export.evaluation.report import CONSTANT
+from export.evaluation.reliability import (
+    CONE,
+    DENSEST,
+    draw_reliability,
+    reliability_curves,
+    reliability_report,
+    temperature_report,
+)
+from export.evaluation.report import CONSTANT, turbidity_report
 from lighting.decoding import sun_from_prediction
 from lighting.geometry import angle_between, direction
-from lighting.sun_grid import grid_directions
+from lighting.prediction import Prediction
+from lighting.sun_grid import grid_directions, temper
 from tests.helpers.panoramas import EACH, FAILURE, drawn, erring, off_by, rings, truth_of
 from tests.helpers.predictions import UNIFORM, grid_prediction, lobe_prediction
 
@@ -53,9 +48,9 @@ from tests.helpers.predictions import UNIFORM, grid_prediction, lobe_prediction
 def test_the_sheet_shows_each_picture_with_both_suns() -> None:
     grey = np.full((30, 40, 3), 128, np.uint8)
     failures = [replace(FAILURE, sun=(90.0, 0.0), estimate=(-90.0, 0.0))] * (ACROSS + 1)
-    whole = _contact_sheet(failures, [grey] * len(failures))
+    whole = draw_contact_sheet(failures, [grey] * len(failures))
     assert whole.width == ACROSS * (THUMBNAIL[0] + 4)
-    assert whole.height == 2 * _contact_sheet(failures[:1], [grey]).height
+    assert whole.height == 2 * draw_contact_sheet(failures[:1], [grey]).height
     first = np.asarray(whole)[: THUMBNAIL[1], : THUMBNAIL[0]]
     assert (first[5, 5] == 128).all()
     middle = {c: np.argwhere((first == c).all(axis=-1)).mean(axis=0) for c in (TRUE_COLOR, ESTIMATE_COLOR)}
@@ -123,7 +118,7 @@ def test_the_worst_come_first_few_of_each_panorama_and_none_unscored() -> None:
     truth = truth_of(30)
     truth.scored[:EACH] = False
     error = np.linspace(170, 1, len(truth.sun))
-    failures = _worst_crops(truth, off_by(truth, error))
+    failures = find_worst_crops(truth, off_by(truth, error))
     assert len(failures) == MAX_FAILURES
     assert failures[0].index == EACH
     assert [f.index % EACH for f in failures[:4]] == [0, 1, 2, 0]
@@ -136,7 +131,7 @@ def test_the_worst_come_first_few_of_each_panorama_and_none_unscored() -> None:
 
 def test_a_sun_that_is_not_known_to_shine_says_nothing() -> None:
     truth = replace(truth_of(1), visibility=np.array([np.nan, 0.5, 0, 1, 1, 1, 1, 1]))
-    failures = _worst_crops(truth, off_by(truth, np.linspace(170, 100, EACH)))
+    failures = find_worst_crops(truth, off_by(truth, np.linspace(170, 100, EACH)))
     assert [f.direct for f in failures] == ["", "partly", "no"]
 
 
@@ -146,7 +141,7 @@ def test_the_report_counts_every_cause_and_the_flips() -> None:
         replace(FAILURE, direct="no", azimuth_error=-160.0),
         replace(FAILURE, direct="no", panorama="p1"),
     ]
-    text = _failures_report(failures)
+    text = failures_report(failures)
     rows = {
         cells[1].strip(): [c.strip() for c in cells[3:-1]]
         for line in text.splitlines()
@@ -163,7 +158,7 @@ def test_the_report_counts_every_cause_and_the_flips() -> None:
 
 
 def test_the_file_has_a_line_a_failure(tmp_path: Path) -> None:
-    _write_failures(tmp_path / "f.csv", [replace(FAILURE, index=2)], np.array([0.0, 0.0, -33.25]))
+    write_failures(tmp_path / "f.csv", [replace(FAILURE, index=2)], np.array([0.0, 0.0, -33.25]))
     with (tmp_path / "f.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert row == {
@@ -184,7 +179,7 @@ def test_errors_and_intervals_by_kind_of_panorama() -> None:
     ours = answers_from_sun(truth.sun, turbidity=truth.turbidity + 0.25)
     constant = answers_from_sun(truth.sun, turbidity=np.full(len(truth.sun), 3.5))
     kind = np.repeat(["hdr", "hdr", "ldr", "ldr", "ldr", "ldr"], EACH)
-    text = _turbidity_report("paper", truth, ours, constant, kind)
+    text = turbidity_report("paper", truth, ours, constant, kind)
     rows = {
         cells[1].strip(): [c.strip() for c in cells[2:-1]]
         for line in text.splitlines()
@@ -199,51 +194,68 @@ def test_errors_and_intervals_by_kind_of_panorama() -> None:
 def test_kinds_without_a_known_sky_have_no_row() -> None:
     truth = truth_of(1)
     answers = answers_from_sun(truth.sun, turbidity=truth.turbidity)
-    text = _turbidity_report("paper", truth, answers, answers, np.full(EACH, "ldr"))
+    text = turbidity_report("paper", truth, answers, answers, np.full(EACH, "ldr"))
     assert "| LDR, clean sky | 8 |" in text
     assert "HDR |" not in text
 
 
+def truth_at(sun: np.ndarray) -> Truth:
+    """Scored crops with these suns (N, 3)."""
+    truth = select_crops(truth_of(-(-len(sun) // EACH)), np.arange(len(sun)))
+    return replace(truth, sun=sun)
+
+
+def densest(sun: np.ndarray, predictions: list[Prediction]) -> np.ndarray:
+    """Probability (N,) of the region of highest density that reaches each sun."""
+    return reliability_curves(truth_at(sun), predictions)[DENSEST]
+
+
+def shares(sun: np.ndarray, predictions: list[Prediction]) -> np.ndarray:
+    """Share [%] of the suns inside the regions of 25, 50 and 75 %, by the table."""
+    (row,) = (
+        line
+        for line in reliability_report("paper", {DENSEST: densest(sun, predictions)}).splitlines()
+        if DENSEST in line[:6]
+    )
+    return np.array([float(cell) for cell in row.split("|")[4:7]])
+
+
 def test_the_densest_cells_come_first_whatever_their_size() -> None:
-    found = _density_levels([rings(0.4, 0.1, 0.2, 0.3)] * 4, grid_directions("rings:2x2"))
+    found = densest(grid_directions("rings:2x2"), [rings(0.4, 0.1, 0.2, 0.3)] * 4)
     np.testing.assert_allclose(found, [0.5 + 0.2, 0.9 + 0.05, 0.3 + 0.1, 0.15], atol=1e-6)
 
 
 def test_a_uniform_sky_says_the_same_of_every_sun() -> None:
-    found = _density_levels([grid_prediction(UNIFORM)] * 3, direction([0.0, 90.0, -50.0], [5.0, 40.0, 80.0]))
+    found = densest(direction([0.0, 90.0, -50.0], [5.0, 40.0, 80.0]), [grid_prediction(UNIFORM)] * 3)
     np.testing.assert_allclose(found, 0.5, atol=1e-6)
 
 
 def test_honest_distributions_lie_on_the_diagonal() -> None:
     predictions, sun = drawn(400, 40.0)
-    np.testing.assert_allclose(_inside(_density_levels(predictions, sun), (25, 50, 75)), (25, 50, 75), atol=6)
+    np.testing.assert_allclose(shares(sun, predictions), (25, 50, 75), atol=6)
 
 
 @pytest.mark.parametrize(("claimed", "sign"), [(160.0, -1), (10.0, 1)])
 def test_those_too_sure_lie_below_it_and_timid_ones_above(claimed: float, sign: int) -> None:
     _, sun = drawn(400, 40.0)
     predictions, _ = drawn(400, claimed)
-    assert (sign * (_inside(_density_levels(predictions, sun), (25, 50, 75)) - (25, 50, 75)) > 10).all()
+    assert (sign * (shares(sun, predictions) - (25, 50, 75)) > 10).all()
 
 
 def test_cones_are_those_of_the_reported_radii() -> None:
     predictions, sun = drawn(60, 8.0)
     answers = [sun_from_prediction(p) for p in predictions]
     error = angle_between(sun, direction([a.azimuth for a in answers], [a.elevation for a in answers]))
-    levels = np.array([_cone_level(p, s) for p, s in zip(predictions, sun, strict=True)])
+    levels = reliability_curves(truth_at(sun), predictions)[CONE]
     np.testing.assert_array_equal(levels <= 0.5, error <= [a.radius_50 for a in answers])
     np.testing.assert_array_equal(levels <= 0.9, error <= [a.radius_90 for a in answers])
-
-
-def test_shares_are_counted() -> None:
-    np.testing.assert_allclose(_inside(np.array([0.05, 0.1, 0.5, 0.96]), (5, 10, 50, 95, 100)), [25, 50, 75, 75, 100])
 
 
 def test_crops_that_are_not_scored_count_nowhere() -> None:
     truth = truth_of(2)
     truth.scored[:EACH] = False
     truth.in_view[EACH:] = ["no sky"] * 2 + ["sky in view"] * 6
-    found = _reliability_curves(truth, [lobe_prediction(0.0, 40.0)] * (2 * EACH))
+    found = reliability_curves(truth, [lobe_prediction(0.0, 40.0)] * (2 * EACH))
     assert {name: len(levels) for name, levels in found.items()} == {
         DENSEST: 8,
         "sun 20 to 45°": 8,
@@ -256,42 +268,46 @@ def test_crops_that_are_not_scored_count_nowhere() -> None:
 @pytest.mark.slow
 def test_the_table_sets_found_beside_expected(tmp_path: Path) -> None:
     levels = (np.arange(100) + 0.5) / 100
-    text = _reliability_report("paper", {DENSEST: levels, CONE: levels / 2})
+    text = reliability_report("paper", {DENSEST: levels, CONE: levels / 2})
     rows = {cells[1].strip(): cells[2:-1] for line in text.splitlines() if len(cells := line.split("|")) > 5}
     assert [float(cell) for cell in rows[DENSEST]] == [100, 10, 25, 50, 75, 90, 95, 0]
     assert [float(cell) for cell in rows[CONE]] == [100, 20, 50, 100, 100, 100, 100, 50]
-    _draw_reliability({"paper": {DENSEST: levels}, "phone": {DENSEST: levels, "no sky": levels}}, tmp_path / "r.png")
+    draw_reliability({"paper": {DENSEST: levels}, "phone": {DENSEST: levels, "no sky": levels}}, tmp_path / "r.png")
     with Image.open(tmp_path / "r.png") as picture:
         assert picture.width > 500
         assert len(picture.convert("RGB").getcolors(1 << 20) or []) > 20
 
 
-def test_tempering_is_a_power_that_sums_to_one() -> None:
-    predictions = grid_prediction(np.array([0.64, 0.16, 0.16, 0.04]))
-    np.testing.assert_allclose(
-        _tempered(predictions, 2.0).sun_probability, [0.8 / 1.8, 0.4 / 1.8, 0.4 / 1.8, 0.2 / 1.8], 1e-6
-    )
-    np.testing.assert_allclose(_tempered(predictions, 1.0).sun_probability, predictions.sun_probability, 1e-6)
+def tempered(prediction: Prediction, temperature: float) -> Prediction:
+    """The prediction with its sun's logits divided by a temperature."""
+    return replace(prediction, sun_probability=temper(prediction.sun_probability, temperature))
+
+
+def fitted_temperature(predictions: list[Prediction], sun: np.ndarray) -> float:
+    """What the table says of all places."""
+    lines = temperature_report("paper", truth_at(sun), predictions).splitlines()
+    (row,) = (line for line in lines if line.startswith("| all |"))
+    return float(row.split("|")[3])
 
 
 @pytest.mark.parametrize("temperature", [0.6, 1.0, 1.7])
 def test_the_temperature_that_was_taken_away_is_found_again(temperature: float) -> None:
     predictions, sun = drawn(300, 30.0)
-    assert _fit_temperature([_tempered(p, 1 / temperature) for p in predictions], sun) == pytest.approx(
+    assert fitted_temperature([tempered(p, 1 / temperature) for p in predictions], sun) == pytest.approx(
         temperature, rel=0.1
     )
 
 
 def test_an_impossible_sun_costs_much_but_not_everything() -> None:
     predictions = [grid_prediction(np.r_[1.0, np.zeros(1023)])]
-    assert np.isfinite(_fit_temperature(predictions, np.array([[0.0, -1.0, 0.0]])))
+    assert np.isfinite(fitted_temperature(predictions, np.array([[0.0, -1.0, 0.0]])))
 
 
 @pytest.mark.slow
 def test_each_half_is_fit_temperature_on_its_own_places_and_measured_on_the_others() -> None:
     truth = truth_of(8)
-    sharp = [_tempered(p, 0.5) for p in erring(truth, shared=False)]
-    text = _temperature_report("paper", truth, sharp)
+    sharp = [tempered(p, 0.5) for p in erring(truth, shared=False)]
+    text = temperature_report("paper", truth, sharp)
     header, _, *lines = [line for line in text.splitlines() if line.startswith("|")]
     columns = [cell.strip() for cell in header.split("|")[1:-1]]
     rows = [dict(zip(columns, (c.strip() for c in line.split("|")[1:-1]), strict=True)) for line in lines]
@@ -306,6 +322,6 @@ def test_each_half_is_fit_temperature_on_its_own_places_and_measured_on_the_othe
 
 def test_one_place_alone_has_no_other_half() -> None:
     truth = truth_of(2)
-    text = _temperature_report("paper", truth, [lobe_prediction(0.0, 40.0)] * len(truth.sun))
+    text = temperature_report("paper", truth, [lobe_prediction(0.0, 40.0)] * len(truth.sun))
     assert "half A" not in text
     assert "| all | 16 |" in text

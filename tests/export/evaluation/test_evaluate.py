@@ -4,26 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
-import export.evaluation.occlusion as occlusion
 from export.crops.crops import crop_panorama, load_sources
 from export.data.panoramas import DataError, read_index
 from export.evaluation.evaluate import Options, evaluate_networks
-from export.evaluation.occlusion import _draw_occlusion, _occlusion_map, write_occlusion
 from export.evaluation.predictions import (
     CROPS_EACH,
     SUN_VIEWS_EACH,
-    _by_name,
-    _predict_crops,
     collect_truth,
     decode_answers,
+    load_models,
+    predict_crops,
     protocol_views,
     sun_centered_views,
 )
 from lighting.geometry import wrap_azimuth
 from lighting.model import Model
-from lighting.photo.reader import read_photo
 from tests.conftest import TINY, write_network
 
 
@@ -61,9 +57,9 @@ def test_evaluation_reports_every_method_and_group(
 
 
 def test_networks_of_one_name_and_version_are_not_compared(tmp_path: Path) -> None:
-    first, second = (Model.load(write_network(tmp_path / name)) for name in ("a.onnx", "b.onnx"))
+    paths = [write_network(tmp_path / name) for name in ("a.onnx", "b.onnx")]
     with pytest.raises(DataError, match="Two networks are"):
-        _by_name([first, second])
+        load_models(paths)
 
 
 def test_cameras_go_around_evenly_and_are_the_same_every_time(data: Path) -> None:
@@ -88,7 +84,7 @@ def test_aimed_views_show_the_sun(data: Path) -> None:
 def test_a_network_is_asked_about_every_view(data: Path, network: Path) -> None:
     sources = load_sources(read_index(data, "val"), data / "labels.csv")
     views = protocol_views(sources, "paper")
-    truth, said = _predict_crops(Model.load(network), views)
+    truth, said = predict_crops(Model.load(network), views)
     assert len(said) == len(views) == len(truth.sun)
     found = decode_answers(said, truth.sun)
     known = np.isfinite(truth.sun[:, 0])
@@ -96,34 +92,3 @@ def test_a_network_is_asked_about_every_view(data: Path, network: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(found.sun, axis=1), 1.0)
     assert found.radius_50 == pytest.approx([p for p in found.radius_50 if p >= 0])
     assert truth.scored[known].all()
-
-
-EXAMPLES = Path(__file__).parents[3] / "examples"
-
-
-@pytest.mark.thorough
-def test_a_sun_in_the_picture_is_what_the_network_looks_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(occlusion, "_STEP", 24)  # a quarter of the covers
-    added = _occlusion_map(Model.load(), read_photo(EXAMPLES / "railway_field.jpg"))
-    height, width = added.shape
-    y, x = np.unravel_index(np.argmax(added), added.shape)
-    assert abs(x / width - 0.78) < 0.15  # where the glare is, seen by covers a tenth of the width apart
-    assert abs(y / height - 0.25) < 0.12
-    assert np.abs(added[height // 2 :, : width // 2]).max() < 0.3 * added.max()
-
-
-def test_several_photos_become_one_picture(network: Path, tmp_path: Path) -> None:
-    path = EXAMPLES / "railway_field.jpg"
-    write_occlusion(Model.load(network), [path, path], tmp_path / "two.jpg")
-    with Image.open(tmp_path / "two.jpg") as picture:
-        assert picture.size == (800, 300)
-
-
-def test_parts_for_the_answer_are_orange_and_parts_against_it_blue() -> None:
-    photo = np.full((60, 90, 3), 128, np.uint8)
-    added = np.zeros((20, 30))
-    added[:, :10], added[:, 20:] = 0.5, -0.5
-    picture = _draw_occlusion(photo, added).astype(int)
-    assert picture[30, 10, 0] > picture[30, 10, 2] + 100
-    assert picture[30, 80, 2] > picture[30, 80, 0] + 100
-    assert np.ptp(picture[30, 45]) < 8

@@ -6,36 +6,42 @@ import pytest
 from export.crops.crops import Camera, Crop
 from export.evaluation.irradiance import (
     ORACLES,
+    TrueLight,
     _Guess,
-    _level_irradiances,
-    _mean_light_map,
-    _mirror_photo,
     _objects_table,
-    _split_sun,
     _strengths_table,
-    _true_light,
-    _TrueLight,
+    mean_light_map,
+    mirror_photo,
+    split_sun,
+    true_light,
 )
 from export.evaluation.relighting import HEIGHT
+from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.envmap.render import render
-from lighting.geometry import angle_between, direction
+from lighting.geometry import Floats, angle_between, direction
 from lighting.records import Lighting
 from tests.helpers.panoramas import GROUND_COLOR, HDR_LIGHT, HDR_PANORAMA, SKY_IRRADIANCE, SUN_IRRADIANCE
 
 
+def level_light(image: Floats) -> Floats:
+    """Irradiance (3,) of a level surface from above."""
+    half = len(image) // 2
+    return irradiance_from_rows(row_irradiance(len(image))[:half], image[:half])
+
+
 def test_sun_sky_and_ground_are_told_apart_in_the_crops_frame_and_exposure() -> None:
-    light = _true_light(_split_sun(HDR_PANORAMA, direction(71.0, 41.0)), 30.0, 2.0)
+    light = true_light(split_sun(HDR_PANORAMA, direction(71.0, 41.0)), 30.0, 2.0)
     assert light.sun_direction is not None
     assert angle_between(light.sun_direction, direction(40.0, 40.0)) < 0.6
     assert light.sun_irradiance == pytest.approx(2 * np.array(SUN_IRRADIANCE), rel=0.03)
     assert light.sky_irradiance == pytest.approx(2 * np.array(SKY_IRRADIANCE), rel=0.03)
     level = np.array(SKY_IRRADIANCE) + np.sin(np.radians(40.0)) * np.array(SUN_IRRADIANCE)
     assert light.ground == pytest.approx(2 * np.array(GROUND_COLOR) / np.pi * level, rel=1e-3)
-    assert _level_irradiances(light.image)[0] == pytest.approx(2 * level, rel=0.02)
+    assert level_light(light.image) == pytest.approx(2 * level, rel=0.02)
 
 
 def test_without_direct_light_the_whole_sky_is_sky() -> None:
-    light = _true_light(_split_sun(HDR_PANORAMA, None), 0.0, 1.0)
+    light = true_light(split_sun(HDR_PANORAMA, None), 0.0, 1.0)
     assert light.sun_direction is None
     assert not light.sun_irradiance.any()
     assert light.sky_irradiance == pytest.approx(
@@ -48,7 +54,7 @@ def test_a_mirrored_photo_repeats_itself_all_around() -> None:
     linear[:30], linear[30:] = 0.8, 0.2
     linear[0, 0] = 5.0
     crop = Crop(linear, Camera(0.0, 0.0, 0.0, 50.0, 4 / 3), 0.0, 30.0, 1.0, 1.0, 3.0, 1.0)
-    image = _mirror_photo(crop)
+    image = mirror_photo(crop)
     assert image.shape == (HEIGHT, 2 * HEIGHT, 3)
     assert image.max() <= 1
     assert image[HEIGHT // 2 - 2].mean() == pytest.approx(0.8, abs=0.02)
@@ -57,11 +63,11 @@ def test_a_mirrored_photo_repeats_itself_all_around() -> None:
 
 def test_the_mean_map_knows_no_azimuth() -> None:
     ramp = np.broadcast_to(np.linspace(0, 1, 2 * HEIGHT)[None, :, None], (HEIGHT, 2 * HEIGHT, 3))
-    light = _TrueLight(ramp, None, np.zeros(3), np.ones(3), np.ones(3))
-    assert _mean_light_map([light, light]) == pytest.approx(0.5)
+    light = TrueLight(ramp, None, np.zeros(3), np.ones(3), np.ones(3))
+    assert mean_light_map([light, light]) == pytest.approx(0.5)
 
 
-TRUTH = [_true_light(_split_sun(HDR_PANORAMA, HDR_LIGHT.sun_direction), 0.0, 1.0)] * 3
+TRUTH = [true_light(split_sun(HDR_PANORAMA, HDR_LIGHT.sun_direction), 0.0, 1.0)] * 3
 
 
 def guess(light: Lighting) -> _Guess:

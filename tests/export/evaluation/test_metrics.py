@@ -5,46 +5,52 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from export.evaluation.fit_constants import _clustered_error
+from export.data.labels import Label
 from export.evaluation.metrics import (
-    _bootstrap,
-    _fov_noticed,
-    _horizon_ends,
-    _horizon_noticed,
-    _recall_area,
-    _roll_noticed,
     answers_from_sun,
     auc,
     azimuth_error,
     camera_scores,
+    clustered_error,
     difference_interval,
     elevation_error,
     figures_table,
     format_interval,
     markdown_table,
+    median_interval,
     select_crops,
     sun_error,
     sun_figures,
 )
-from export.evaluation.report import _best_constant, _place_figures, _place_weights, _visibility_by_place
+from export.evaluation.report import CONSTANT, baseline_answers, format_report
 from lighting.geometry import Pinhole, angle_between, angles, camera_directions, direction
 from tests.helpers.panoramas import said, truth, truth_of
 
 
+def cameras_score(true: list[float], said: list[float], aspect: float = 1.0) -> dict[str, float]:
+    """Scores of one camera by another; elevation, roll and vertical field of view in deg."""
+    known = replace(truth([0.0], [20.0]), camera=np.array([true]), aspect=np.array([aspect]))
+    return camera_scores(known, answers_from_sun(known.sun, camera=np.array([said])))
+
+
 def test_the_area_under_the_recall_of_errors() -> None:
-    assert _recall_area(np.zeros(3), 5.0) == pytest.approx(100.0)
-    assert _recall_area(np.array([2.5, 7.0]), 5.0) == pytest.approx(25.0)
+    known = replace(truth([0.0, 10.0], [20.0, 20.0]), camera=np.array([[0.0, 0.0, 50.0]] * 2))
+    answers = answers_from_sun(known.sun, camera=known.camera + np.array([[2.5, 0.0, 0.0], [7.0, 0.0, 0.0]]))
+    scores = camera_scores(known, answers)
+    assert scores["roll AUC 5°"] == pytest.approx(100.0)
+    assert scores["elevation AUC 5°"] == pytest.approx(25.0)
 
 
-@pytest.mark.parametrize(("elevation", "roll"), [(0.0, 0.0), (12.0, 0.0), (-8.0, 15.0)])
+@pytest.mark.parametrize(("elevation", "roll"), [(12.0, 0.0), (-8.0, 0.0), (-8.0, 15.0), (8.0, 15.0)])
 def test_the_horizon_is_where_the_camera_sees_elevation_zero(elevation: float, roll: float) -> None:
+    """That of a level camera crosses the middle of the picture."""
     width, height = 400, 300
     rays = camera_directions(Pinhole(width, height, 60.0, 0.0, elevation, roll))
-    ends = _horizon_ends(np.array([[elevation, roll, 60.0]]), np.array([width / height]))[0]
-    for column, end in ((0, ends[0]), (width - 1, ends[1])):
-        row = int(np.argmin(np.abs(rays[:, column, 1])))
-        if 0 < row < height - 1:
-            assert 0.5 - (row + 0.5) / height == pytest.approx(end, abs=0.01)
+    rows = np.array([np.argmin(np.abs(rays[:, column, 1])) for column in (0, width - 1)])
+    assert ((rows > 0) & (rows < height - 1)).all()
+    off = 100 * np.abs(0.5 - (rows + 0.5) / height).max()
+    scores = cameras_score([0.0, 0.0, 60.0], [elevation, roll, 60.0], width / height)
+    assert scores["horizon off %"] == pytest.approx(off, abs=1.0)
 
 
 def test_a_perfect_camera_scores_full_marks() -> None:
@@ -57,15 +63,13 @@ def test_a_perfect_camera_scores_full_marks() -> None:
 
 
 def test_bootstrap_draws_whole_units() -> None:
-    """Crops of one panorama are no independent evidence: a hundred copies of each do not narrow the interval."""
-    value = np.random.default_rng(1).normal(0, 1, 30)
-    units = np.array([f"u{i}" for i in range(30)])
-    once = _bootstrap(units, lambda i: float(value[i].mean()))
-    many = np.repeat(value, 100)
-    repeated = _bootstrap(np.repeat(units, 100), lambda i: float(many[i].mean()))
-    assert once[0] < value.mean() < once[1]
+    """Crops of one panorama are no independent evidence: copies of each do not narrow the interval."""
+    value = np.random.default_rng(1).normal(0, 1, 101)
+    units = np.array([f"u{i}" for i in range(101)])
+    once, repeated = median_interval(value, units), median_interval(np.repeat(value, 9), np.repeat(units, 9))
+    assert once[0] < np.median(value) < once[1]
     np.testing.assert_allclose(repeated, once, atol=1e-9)
-    assert once[1] - once[0] == pytest.approx(2 * 1.96 / np.sqrt(30), rel=0.3)
+    assert once[1] - once[0] == pytest.approx(2 * 1.96 * np.sqrt(np.pi / 2 / 101), rel=0.3)
 
 
 def test_difference_interval_is_below_zero_for_the_better() -> None:
@@ -133,26 +137,20 @@ def test_an_interval_shows_both_ends() -> None:
 def test_places_that_go_together_make_a_share_less_sure() -> None:
     hit = np.array([True, True, False, False])
     apart, in_pairs = np.array(["a", "b", "c", "d"]), np.array(["a", "a", "b", "b"])
-    assert _clustered_error(hit, apart) == pytest.approx(0.25)
-    assert _clustered_error(hit, in_pairs) == pytest.approx(0.5**1.5)
-    assert _clustered_error(hit, np.array(["a"] * 4)) == pytest.approx(0.0)
+    assert clustered_error(hit, apart) == pytest.approx(0.25)
+    assert clustered_error(hit, in_pairs) == pytest.approx(0.5**1.5)
+    assert clustered_error(hit, np.array(["a"] * 4)) == pytest.approx(0.0)
 
 
 def test_the_best_constant_beats_other_constants() -> None:
     elevation = np.array([70.0, 75.0, 80.0])
     suns = direction(np.linspace(-180, 180, 72, endpoint=False)[:, None], elevation)
-    best = np.median(angle_between(suns, direction(0.0, _best_constant(elevation))))
+    training = [Label("p", sun_azimuth=0.0, sun_elevation=float(e)) for e in elevation]
+    constant = baseline_answers(truth([0.0], [0.0]), training)[CONSTANT].sun[0]
+    best = np.median(angle_between(suns, constant))
     assert all(
         best <= np.median(angle_between(suns, direction(30.0, other))) + 1e-9 for other in (0.0, 40.0, 75.0, 90.0)
     )
-
-
-PLACES = np.array(["a", "b", "b", "b"])
-
-
-def test_weights_are_the_same_for_each_place_and_sum_to_one() -> None:
-    weights = _place_weights(PLACES)
-    assert weights.tolist() == pytest.approx([1 / 2, 1 / 6, 1 / 6, 1 / 6])
 
 
 def test_an_area_by_weights_is_that_of_crops_which_are_there_so_often() -> None:
@@ -166,22 +164,29 @@ def test_a_place_of_many_panoramas_counts_as_one_of_few() -> None:
     truth = truth_of(4, elevation=30.0)
     truth.place[:] = np.where(truth.panorama == truth.panorama[0], "small", "large")
     small = truth.place == "small"
-    azimuth, elevation = angles(truth.sun)
+    azimuth = angles(truth.sun)[0]
+    truth.sun[small] = direction(azimuth[small], np.full(small.sum(), 10.0))
     said = answers_from_sun(
-        direction(azimuth + np.where(small, 60.0, 1.0), elevation), visibility=np.where(small, 0.2, 0.9)
+        direction(azimuth + np.where(small, 60.0, 1.0), np.where(small, 10.0, 30.0)),
+        visibility=np.where(small, 0.2, 0.9),
+        camera=truth.camera,
     )
-    figures = _place_figures(truth, said, {"low": small})
-    assert figures["places"] == 2
-    assert figures["< 45° %"] == pytest.approx(50.0)
-    assert figures["low"] > 45
-    assert figures["low, bias"] == pytest.approx(0.0, abs=1e-6)
     truth.visibility[:] = np.where(small, 0.0, 1.0)
-    assert _visibility_by_place(truth, said) == 1.0
+    _, table = format_report("paper", truth, {"ours": said}, {"ours": said}, "ours").split("Each place counted alike")
+    header, _, row = (line.split(" | ") for line in table.splitlines()[2:5])
+    figures = dict(zip(header, row, strict=True))
+    assert figures["places"] == "2"
+    assert figures["< 45° %"] == "50.0"
+    assert float(figures["sun 0 to 20°"]) > 45
+    assert figures["sun 0 to 20°, bias"] in ("0.0", "-0.0")
+    assert figures["visibility AUC |"] == "1.00 |"
 
 
 @pytest.mark.parametrize(("error", "share"), [(0.0, 50), (0.06, 55), (0.125, 60), (0.31, 75), (-0.31, 75), (2.0, 100)])
 def test_horizon_is_noticed_as_in_the_study(error: float, share: float) -> None:
-    assert _horizon_noticed(np.array([error])) == pytest.approx([share], abs=1)
+    focal = 0.5 / np.tan(np.radians(30.0))
+    scores = cameras_score([0.0, 0.0, 60.0], [float(np.degrees(np.arctan(error / focal))), 0.0, 60.0])
+    assert scores["horizon noticed %"] == pytest.approx(share, abs=1)
 
 
 @pytest.mark.parametrize(
@@ -189,7 +194,8 @@ def test_horizon_is_noticed_as_in_the_study(error: float, share: float) -> None:
     [(0, 1.4, 55), (0, -2.8, 60), (0, 7.1, 75), (11, -3.5, 60), (-11, 8.5, 75), (11, 4.5, 55), (-11, -9.5, 60)],
 )
 def test_roll_is_noticed_sooner_where_it_makes_a_picture_too_level(true: float, error: float, share: float) -> None:
-    assert _roll_noticed(np.array([true]), np.array([true + error])) == pytest.approx([share], abs=1.5)
+    scores = cameras_score([0.0, float(true), 60.0], [0.0, true + error, 60.0])
+    assert scores["roll noticed %"] == pytest.approx(share, abs=1.5)
 
 
 @pytest.mark.parametrize(
@@ -197,4 +203,6 @@ def test_roll_is_noticed_sooner_where_it_makes_a_picture_too_level(true: float, 
     [(55, -6.2, 55), (55, -31, 75), (55, 60, 50), (75, -10.7, 55), (75, -54, 75), (75, 30, 55), (75, 59, 60)],
 )
 def test_fov_is_noticed_where_it_is_too_narrow(true: float, error: float, share: float) -> None:
-    assert _fov_noticed(np.array([float(true)]), np.array([true + error])) == pytest.approx([share], abs=1)
+    """Of square pictures, whose horizontal field of view is the vertical one."""
+    scores = cameras_score([0.0, 0.0, float(true)], [0.0, 0.0, true + error])
+    assert scores["fov noticed %"] == pytest.approx(share, abs=1)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from export.data.panoramas import DataError
-from export.evaluation.metrics_file import _read_sections, collect_metrics, read_metrics, write_metrics
+from export.evaluation.metrics_file import collect_metrics, read_metrics, read_sections, write_metrics
 from lighting.model import network_sha256
 
 REPORT = """## Protocol `paper`: 8 crops
@@ -42,7 +42,7 @@ Nothing more.
 
 
 def test_every_figure_of_a_report_is_a_number_under_its_row_and_column() -> None:
-    protocol, light = _read_sections(REPORT)
+    protocol, light = read_sections(REPORT)
     sun, intervals = protocol.tables
     assert (protocol.title, sun.caption) == ("Protocol `paper`: 8 crops", "Sun [deg, nat]")
     assert sun.rows["tiny"] == {"crops": 8.0, "median": 17.8, "in 90 % region": 91.6}

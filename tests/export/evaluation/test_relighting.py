@@ -12,15 +12,12 @@ from export.evaluation.relighting import (
     OBJECTS,
     PLANE_ALBEDO,
     SIZE,
-    _constant_skies,
-    _errors,
-    _matrix,
-    _mean_sky,
-    _normals,
     _relight_report,
-    _relight_scene,
+    constant_skies,
+    mean_training_sky,
     object_errors,
     pool_map,
+    relight_scene,
     render_object,
 )
 from lighting.envmap.render import render
@@ -43,7 +40,7 @@ def lamp(azimuth: float, elevation: float) -> np.ndarray:
 @pytest.mark.slow
 def test_a_white_sky_lights_the_plane_by_its_albedo() -> None:
     sky = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0) * np.ones(3)
-    seen = _relight_scene(sky)[CORNER]
+    seen = relight_scene(sky)[CORNER]
     assert (seen < PLANE_ALBEDO).all()  # the sphere hides some of the sky
     np.testing.assert_allclose(seen, PLANE_ALBEDO, rtol=0.06)
 
@@ -51,7 +48,7 @@ def test_a_white_sky_lights_the_plane_by_its_albedo() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("azimuth", [-120.0, 30.0, 90.0])
 def test_the_shadow_falls_away_from_the_sun(azimuth: float) -> None:
-    seen = _relight_scene(lamp(azimuth, 40.0))[..., 1]
+    seen = relight_scene(lamp(azimuth, 40.0))[..., 1]
     lit = PLANE_ALBEDO / math.pi * math.sin(math.radians(40.0))
     assert seen[CORNER] == pytest.approx(lit, rel=0.05)
     columns = np.nonzero(seen < 0.01 * lit)[1]
@@ -81,8 +78,8 @@ def test_each_object_sees_what_lies_where_it_looks() -> None:
     behind[:, :, : HEIGHT // 2] = behind[:, :, -HEIGHT // 2 :] = 1  # behind the camera, which the balls' middles face
     for kind in BALLS:
         seen = render_object(kind, behind)[0, :, 0]
-        assert seen[np.argmax(_normals()[:, 2])] > 0.9
-    assert _matrix("plane").shape[0] > 200
+        assert seen[len(seen) // 2 + 12] > 0.9  # the middle of the row below the middle
+    assert render_object("plane", behind).shape[1] > 200
     assert len(OBJECTS) == 4
 
 
@@ -91,20 +88,10 @@ def test_differences_that_are_known() -> None:
     truth = np.random.default_rng(0).uniform(0.5, 1.0, (2, 50, 3))
     same, double = object_errors(truth, truth), object_errors(truth, 2 * truth)
     assert same == pytest.approx(np.zeros((2, 3)), abs=1e-3)
-    assert double[:, 1:] == pytest.approx(np.zeros((2, 2)), abs=1e-3)
-    assert double[:, 0] == pytest.approx(1.0, abs=0.05)
-
-
-@pytest.mark.slow
-def test_scores_of_pictures_that_are_known() -> None:
-    truth = np.random.default_rng(0).uniform(0.1, 1, (8, 8, 3))
-    assert _errors(truth, truth) == pytest.approx((0, 0, 0), abs=1e-4)
-    rmse, invariant, angle = _errors(truth, 2 * truth)
-    assert rmse == pytest.approx(math.sqrt(np.mean(truth**2)))
-    assert (invariant, angle) == pytest.approx((0, 0), abs=1e-4)
-    red, green = np.zeros((2, 2, 3)), np.zeros((2, 2, 3))
+    assert double == pytest.approx(np.array([[1.0, 0.0, 0.0]] * 2), abs=1e-3)
+    red, green = np.zeros((1, 4, 3)), np.zeros((1, 4, 3))
     red[..., 0], green[..., 1] = 1, 1
-    assert _errors(red, green)[2] == pytest.approx(90)
+    assert object_errors(red, green)[0, 2] == pytest.approx(90)
 
 
 def label(elevation: float, direct: str = "yes") -> Label:
@@ -113,9 +100,9 @@ def label(elevation: float, direct: str = "yes") -> Label:
 
 @pytest.mark.slow
 def test_the_mean_sky_knows_no_azimuth_and_the_constants_look_ahead() -> None:
-    mean = _mean_sky([label(20.0), label(60.0, "no")])
+    mean = mean_training_sky([label(20.0), label(60.0, "no")])
     assert np.ptp(mean, axis=1).max() == 0
-    lit, shaded = _constant_skies([label(20.0)])[:2]
+    lit, shaded = constant_skies([label(20.0)])[:2]
     row, column = np.unravel_index(np.argmax(lit[..., 1]), lit.shape[:2])
     azimuth, elevation = angles(latlong_directions(HEIGHT)[row, column])
     assert abs(azimuth) < 4

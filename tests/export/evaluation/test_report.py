@@ -9,12 +9,11 @@ from PIL import Image
 from export.data.panoramas import DataError
 from export.evaluation.metrics import answers_from_sun, camera_figures, sun_figures
 from export.evaluation.report import (
-    _by_scene,
-    _intervals_table,
-    _photo_bias,
-    _photo_figures,
     format_report,
     in_view_report,
+    median_by_scene,
+    photo_bias,
+    photo_figures,
     photo_report,
     stated_figures,
     sun_bins,
@@ -53,12 +52,12 @@ def test_a_protocol_without_suns_has_no_figures_of_suns() -> None:
 
 
 def test_a_scene_counts_once_however_many_photos_it_has() -> None:
-    assert _by_scene(np.array([1.0, 1.0, 1.0, 9.0, 5.0]), np.array(["a", "a", "a", "b", "c"])) == 5.0
+    assert median_by_scene(np.array([1.0, 1.0, 1.0, 9.0, 5.0]), np.array(["a", "a", "a", "b", "c"])) == 5.0
 
 
 def test_errors_cross_the_seam() -> None:
     truth, sun = direction([175.0], [30.0]), direction([-175.0], [34.0])
-    figures = _photo_figures(truth, sun, np.array(["a"]))
+    figures = photo_figures(truth, sun, np.array(["a"]))
     assert figures["azimuth"] == pytest.approx(10.0)
     assert figures["elevation"] == pytest.approx(4.0)
 
@@ -78,7 +77,7 @@ def test_low_suns_answered_high_show_as_a_bias() -> None:
     """Two scenes with direct sun at 8 deg, answered 6 and 10 deg too high; photos in shade do not count."""
     elevation = np.array([8.0, 8.0, 8.0])
     sun = direction([0.0, 50.0, 0.0], [14.0, 18.0, 80.0])
-    found = _photo_bias(elevation, sun, np.array(["a", "b", "c"]), np.array([True, True, False]))
+    found = photo_bias(elevation, sun, np.array(["a", "b", "c"]), np.array([True, True, False]))
     assert found["0 to 10°"] == pytest.approx(8.0)
     assert np.isnan(found["45 to 90°"])
 
@@ -103,8 +102,8 @@ def test_each_crop_is_in_one_bin_of_elevation_and_one_of_view() -> None:
 
 def test_intervals_compare_ours_with_each_other_method() -> None:
     truth = truth_of(4)
-    said = {"ours": answers_from_sun(turned(10.0)), "worse": answers_from_sun(turned(40.0))}
-    ours, worse = _intervals_table(truth, said, "ours").splitlines()[2:]
+    said = {name: answers_from_sun(turned(by), camera=truth.camera) for name, by in (("ours", 10.0), ("worse", 40.0))}
+    ours, worse = format_report("paper", truth, said, said, "ours").split("bootstrap over")[1].splitlines()[4:6]
     assert ours.split(" | ")[3] == ""
     low, high = (float(end) for end in worse.split(" | ")[3].split(" to "))
     assert low <= high < 0  # ours has the smaller error

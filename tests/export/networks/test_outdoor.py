@@ -7,21 +7,19 @@ import torch
 from export.crops.crops import Camera, Crop
 from export.crops.targets import CELL, CELLS, sun_in_view_target
 from export.data.panoramas import DataError
-from export.networks.backbone import _InvertedResidual, conv_batch_norm
-from export.networks.onnx_export import (
+from export.networks.backbone import InvertedResidual, conv_batch_norm
+from export.networks.ensemble import (
     SUN_IN_VIEW_PRIOR,
-    _cell_directions,
-    _expected_roll,
-    _fuse_sun_in_view,
-    _sun_in_view_probability,
+    cell_directions,
+    expected_roll,
+    fuse_sun_in_view,
+    sun_in_view_probability,
 )
 from export.networks.outdoor import (
     BINS,
     LIGHT,
     ROLL_SCALE,
-    TARGET_WIDTH,
     Outdoor,
-    _empty_output,
     build_network,
     camera_bin_targets,
     decode_parameters,
@@ -40,7 +38,7 @@ from tests.helpers.panoramas import EXAMPLES_SPEC, VIEWS, crop
 
 
 def level_roll(roll: float, spread: float) -> float:
-    return float(_expected_roll(torch.tensor([[roll]]), torch.tensor([[spread]]))[0, 0])
+    return float(expected_roll(torch.tensor([[roll]]), torch.tensor([[spread]]))[0, 0])
 
 
 def test_a_camera_that_is_nearly_level_is_level() -> None:
@@ -72,7 +70,7 @@ def test_weights_with_the_light_around_fit_a_network_without_it_and_the_other_wa
         torch.testing.assert_close(value, learnt.state_dict()[name])
         torch.testing.assert_close(value, again.state_dict()[name])
     with pytest.raises(DataError, match="are of another network"):
-        load_weights(served, {"sun.2.weight": torch.zeros(3)} | build_network(SPECS["cvpr2017"]).state_dict())
+        load_weights(served, {"sun.2.weight": torch.zeros(3)} | {"convolutions.0.weight": torch.zeros(3)})
 
 
 SPEC = network_specs("0")["outdoor"]
@@ -149,7 +147,7 @@ def canvas(one: Crop) -> torch.Tensor:
 
 def rays(one: Crop) -> torch.Tensor:
     c = one.camera
-    return _cell_directions(
+    return cell_directions(
         canvas(one), torch.tensor([c.elevation]), torch.tensor([c.roll]), torch.tensor([c.vertical_fov])
     )
 
@@ -174,7 +172,7 @@ def test_a_target_that_the_network_meets_points_at_the_sun(camera: Camera) -> No
     assert one.sun_pixel
     target = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
     uniform = torch.full((1, len(GRID_DIRECTIONS)), 1 / len(GRID_DIRECTIONS))
-    answer = _fuse_sun_in_view(uniform, target, rays(one), GRID_DIRECTIONS)
+    answer = fuse_sun_in_view(uniform, target, rays(one), GRID_DIRECTIONS)
     assert float(answer.sum()) == pytest.approx(1.0, abs=1e-5)
     assert angle_between((answer @ GRID_DIRECTIONS)[0].numpy(), direction(8.0, 17.0)) < 1.0
 
@@ -184,26 +182,25 @@ def test_what_is_not_seen_changes_nothing_and_half_a_doubt_counts_half() -> None
     sun = torch.rand(1, len(GRID_DIRECTIONS)).softmax(dim=1)
     nowhere = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, False)).float()[None]
     in_view = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
-    torch.testing.assert_close(_fuse_sun_in_view(sun, nowhere, rays(one), GRID_DIRECTIONS), sun)
-    half = _fuse_sun_in_view(sun, (nowhere + in_view) / 2, rays(one), GRID_DIRECTIONS)
-    torch.testing.assert_close(half, (sun + _fuse_sun_in_view(sun, in_view, rays(one), GRID_DIRECTIONS)) / 2)
+    torch.testing.assert_close(fuse_sun_in_view(sun, nowhere, rays(one), GRID_DIRECTIONS), sun)
+    half = fuse_sun_in_view(sun, (nowhere + in_view) / 2, rays(one), GRID_DIRECTIONS)
+    torch.testing.assert_close(half, (sun + fuse_sun_in_view(sun, in_view, rays(one), GRID_DIRECTIONS)) / 2)
 
 
 def test_suns_in_the_picture_are_as_rare_as_in_photos_not_as_in_training() -> None:
     """Of even odds in training: they fall by SUN_IN_VIEW_PRIOR, and the cells keep theirs among each other."""
     logits = torch.tensor([[2.0, *np.log([0.1, 0.3, 0.6]) + 2.0]], dtype=torch.float32)
-    nowhere, *cells = _sun_in_view_probability(logits)[0].tolist()
+    nowhere, *cells = sun_in_view_probability(logits)[0].tolist()
     assert sum(cells) / nowhere == pytest.approx(np.exp(-SUN_IN_VIEW_PRIOR), rel=1e-5)
     assert cells == pytest.approx(np.array([0.1, 0.3, 0.6]) * (1 - nowhere), rel=1e-5)
 
 
-@pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
+@pytest.mark.parametrize("name", ["outdoor", "transformer"])
 def test_a_spec_survives_its_json_and_has_a_grid(name: str) -> None:
     spec = network_specs("1.2.3")[name]
-    assert (spec.name, spec.version) == (name, "1.2.3")
+    assert (spec.name, spec.version) == ("outdoor", "1.2.3")
     assert ModelSpec.from_json(spec.to_json()) == spec
-    assert len(grid_directions(spec.sun_grid)) in (160, 1024)
-    assert TARGET_WIDTH[name] > 0
+    assert len(grid_directions(spec.sun_grid)) == 1024
 
 
 def test_the_packaged_network_expects_what_training_gives() -> None:
@@ -211,14 +208,6 @@ def test_the_packaged_network_expects_what_training_gives() -> None:
     assert (shipped.width, shipped.height, shipped.sun_grid) == (ours.width, ours.height, ours.sun_grid)
     assert shipped.mean == pytest.approx(ours.mean)
     assert shipped.std == pytest.approx(ours.std)
-
-
-def test_the_cvpr_network_has_the_published_size() -> None:
-    """Seven convolutions, FC-2048 over 256 x 8 x 10 features, 160 sun bins: about 45 million weights."""
-    network = build_network(SPECS["cvpr2017"])
-    assert len(grid_directions(SPECS["cvpr2017"].sun_grid)) == 160
-    assert sum(isinstance(m, torch.nn.Conv2d) for m in network.modules()) == 7
-    assert sum(p.numel() for p in network.parameters()) == pytest.approx(45e6, rel=0.02)
 
 
 def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:
@@ -264,7 +253,7 @@ def test_a_strided_convolution_pads_right_and_bottom_first() -> None:
 
 
 def test_a_block_adds_its_input_only_where_shapes_agree() -> None:
-    same, other = (_InvertedResidual(8, outside, 3, 1, 2, drop=0.0).eval() for outside in (8, 12))
+    same, other = (InvertedResidual(8, outside, 3, 1, 2, drop=0.0).eval() for outside in (8, 12))
     assert same.residual
     assert not other.residual
     same.get_parameter("project.1.weight").data.zero_()  # the last normalisation then gives zero
@@ -274,12 +263,8 @@ def test_a_block_adds_its_input_only_where_shapes_agree() -> None:
 
 def test_dropped_blocks_pass_their_input_in_training_alone() -> None:
     torch.manual_seed(0)
-    block = _InvertedResidual(4, 4, 3, 1, 1, drop=0.5)
+    block = InvertedResidual(4, 4, 3, 1, 1, drop=0.5)
     x = torch.randn(64, 4, 4, 4)
     passed = [bool(torch.equal(a, b)) for a, b in zip(block.train()(x), x, strict=True)]
     assert 16 < sum(passed) < 48
     assert not any(torch.equal(a, b) for a, b in zip(block.eval()(x), x, strict=True))
-
-
-def test_a_missing_head_answers_nothing() -> None:
-    assert _empty_output(torch.zeros(3, 3, 8, 8)).shape == (3, 0)

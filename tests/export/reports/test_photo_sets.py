@@ -1,28 +1,15 @@
 """Sets of panorama photos, and what is measured on them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from export.data.panoramas import Panorama, read_index, write_index
-from export.reports.photo_sets import (
-    COMPARED,
-    PHOTO_FOVS,
-    PHOTO_OVERLAPS,
-    _fuse_sets,
-    _horizontal_fov,
-    _one_per_place,
-    _pair_figures,
-    _photograph_sweep,
-    _register_pairs,
-    _set_figures,
-    _sun_figures,
-    report_photo_sets,
-)
+from export.reports.photo_sets import COMPARED, PHOTO_FOVS, PHOTO_OVERLAPS, _photograph_sweep, report_photo_sets
 from lighting.files.deflate import encode_png
 from lighting.geometry import wrap_azimuth
-from lighting.model import Model
 from tests.helpers.cameras import texture
 
 pytestmark = pytest.mark.needs("cv2")
@@ -56,35 +43,49 @@ def test_a_sweep_overlaps_as_it_says_and_is_the_same_again(panoramas: list[Panor
     assert len(fov) == 1
     assert PHOTO_FOVS[0] <= min(fov) <= PHOTO_FOVS[1]
     steps = np.abs(wrap_azimuth(np.diff([t.camera.azimuth for t in photos])))
-    shared = 1 - steps / _horizontal_fov(min(fov))
+    horizontal = 2 * np.degrees(np.arctan(np.tan(np.radians(min(fov)) / 2) * 4 / 3))
+    shared = 1 - steps / horizontal
     assert (shared >= PHOTO_OVERLAPS[0] - 1e-9).all()
     assert (shared <= PHOTO_OVERLAPS[1] + 1e-9).all()
 
 
-def test_one_panorama_a_place() -> None:
-    rows = [Panorama(name, Path(name), "ldr", place, "val") for name, place in (("a", "x"), ("b", "x"), ("c", "y"))]
-    assert sorted(p.place for p in _one_per_place(rows)) == ["x", "y"]
+def rows_of(report: str) -> dict[str, dict[str, str]]:
+    """The cells of a report's tables by row and column."""
+    rows, columns = {}, []
+    for line in report.splitlines():
+        name, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+        if not name and cells:
+            columns = cells
+        elif len(cells) == len(columns) > 1 and name != "---":
+            rows[f"{name}, {columns[0]}"] = dict(zip(columns, cells, strict=True))
+    return rows
 
 
-def test_pairs_of_noise_are_solved_and_strangers_are_not(panoramas: list[Panorama]) -> None:
-    pairs, strangers = _register_pairs(panoramas)
-    row = _pair_figures(pairs)
-    assert row["solved [%]"] == 100.0
-    assert row["heading, 95 %"] < 0.5
-    assert row["over 2° [% of all]"] == 0.0
-    assert strangers == [None, None]
+def test_pairs_of_noise_are_solved_and_strangers_are_not(data: Path) -> None:
+    report = report_photo_sets(data, None, ("pairs",))
+    assert "## Two photos of one panorama (2 places)" in report
+    row = rows_of(report)["all, solved [%]"]
+    assert row["solved [%]"] == "100.00"
+    assert float(row["heading, 95 %"]) < 0.5
+    assert row["over 2° [% of all]"] == "0.00"
+    assert "0 of 2 pairs were given a rotation" in report
 
 
-def test_a_set_with_matched_headings_has_the_sun_of_true_ones(panoramas: list[Panorama], network: Path) -> None:
-    (photo_set,) = _fuse_sets(Model.load(network), panoramas[:1])
-    assert len(photo_set.cameras) == 3
-    row = _set_figures([photo_set])
-    assert row["connected [%]"] == 100.0
-    assert row["95 %"] < 1.0
-    assert row["field of view, 50 %"] < 0.5
-    rows = [_sun_figures([photo_set], headings) for headings in COMPARED]
-    assert all(0.0 <= row["in 50 % region [%]"] <= row["in 90 % region [%]"] <= 100.0 for row in rows)
-    assert rows[1]["sun, 50 %"] == pytest.approx(rows[2]["sun, 50 %"], abs=2.0)
+def test_one_panorama_a_place(tmp_path: Path) -> None:
+    panoramas = read_index(folder_of(tmp_path, 2))
+    write_index([*panoramas, replace(panoramas[0], name="again")], tmp_path)
+    assert "(2 places)" in report_photo_sets(tmp_path, None, ("pairs",))
+
+
+def test_a_set_with_matched_headings_has_the_sun_of_true_ones(data: Path, network: Path) -> None:
+    rows = rows_of(report_photo_sets(data, network, ("sets",), 1))
+    registered = rows["all, connected [%]"]
+    assert registered["connected [%]"] == "100.00"
+    assert float(registered["95 %"]) < 1.0
+    assert float(registered["field of view, 50 %"]) < 0.5
+    suns = [next(row for name, row in rows.items() if name.startswith(f"{headings}, ")) for headings in COMPARED]
+    assert all(0.0 <= float(row["in 50 % region [%]"]) <= float(row["in 90 % region [%]"]) <= 100.0 for row in suns)
+    assert float(suns[1]["sun, 50 %"]) == pytest.approx(float(suns[2]["sun, 50 %"]), abs=2.0)
 
 
 def test_the_report_is_markdown(data: Path, network: Path) -> None:

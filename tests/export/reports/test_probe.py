@@ -11,13 +11,13 @@ from export.reports.probe import (
     SKY_DAY,
     SKY_FILL,
     SKY_PLACE,
+    BracketCamera,
     _bracket_gain,
-    _BracketCamera,
-    _clear_sky_at,
-    _expose_bracket,
     _measure_bracket,
-    _photograph_sky,
     _rotation_between,
+    clear_sky_at,
+    expose_bracket,
+    photograph_sky,
 )
 from lighting.envmap.render import sun_light
 from lighting.errors import ProbeError
@@ -31,27 +31,27 @@ RAMP = np.linspace(1e-4, 1.0, 300, dtype=np.float32).reshape(10, 10, 3)
 
 
 def test_a_bracket_holds_rounded_values_that_clip() -> None:
-    photos = _expose_bracket(RAMP, _BracketCamera(8, 0.8, noise=False), np.random.default_rng(0))
+    photos = expose_bracket(RAMP, BracketCamera(8, 0.8, noise=False), np.random.default_rng(0))
     assert [photo.exposure for photo in photos] == list(BRACKET_TIMES)
     short, long = photos[0].pixels, photos[-1].pixels
     assert short.max() == pytest.approx(0.8)
     assert long.max() == 1
     np.testing.assert_allclose(255 * short, np.rint(255 * short), atol=1e-4)
     np.testing.assert_allclose(
-        short, RAMP * _bracket_gain(RAMP, _BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
+        short, RAMP * _bracket_gain(RAMP, BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
     )
 
 
 def test_noise_is_that_of_light_and_reading() -> None:
     even = np.full((60, 60, 3), 1.0, dtype=np.float32)
-    (photo,) = _expose_bracket(even, _BracketCamera(14, 0.5), np.random.default_rng(0), [1.0])
+    (photo,) = expose_bracket(even, BracketCamera(14, 0.5), np.random.default_rng(0), [1.0])
     assert photo.pixels.std() == pytest.approx(np.sqrt(25_000 + 9) / 50_000, rel=0.05)
     assert photo.pixels.mean() == pytest.approx(0.5, rel=1e-3)
 
 
 def test_the_sun_stands_out_and_nothing_is_outside_the_lens() -> None:
     moment = Moment(datetime(2024, 6, 1, 9, tzinfo=UTC), 47.0, 8.0)
-    picture = _photograph_sky(_clear_sky_at(moment), make_lens("equidistant", 64, 64), np.eye(3))
+    picture = photograph_sky(clear_sky_at(moment), make_lens("equidistant", 64, 64), np.eye(3))
     assert picture.max() > 1000 * np.median(picture[picture > 0])
     assert not picture[0, 0].any()
 
@@ -71,7 +71,7 @@ each_depth = pytest.mark.parametrize(
 @each_depth
 @pytest.mark.needs("scipy")
 def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(bits: int) -> None:
-    got = _measure_bracket(_BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
+    got = _measure_bracket(BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
     assert got.sky < 0.02
     assert got.clipped
     assert got.rotation < 0.3
@@ -80,7 +80,7 @@ def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(
 @each_depth
 @pytest.mark.needs("scipy")
 def test_suns_exposed_for_are_within_three_percent(bits: int) -> None:
-    got = _measure_bracket(_BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
+    got = _measure_bracket(BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
     assert not got.clipped
     assert got.sun < 0.03
     assert got.rotation < 0.3
@@ -90,15 +90,15 @@ def test_suns_exposed_for_are_within_three_percent(bits: int) -> None:
 
 
 def test_a_photographed_sun_has_its_power() -> None:
-    lighting = _clear_sky_at(MOMENT)
-    picture = _photograph_sky(lighting, LENS, yaw_rotation(0.0))
+    lighting = clear_sky_at(MOMENT)
+    picture = photograph_sky(lighting, LENS, yaw_rotation(0.0))
     probe = make_probe(
-        make_bracket(_expose_bracket(picture, _BracketCamera(noise=False), np.random.default_rng(0))),
+        make_bracket(expose_bracket(picture, BracketCamera(noise=False), np.random.default_rng(0))),
         MOMENT,
         BracketSettings(),
     )
     assert probe.spot is not None
-    assert probe.spot.irradiance / _bracket_gain(picture, _BracketCamera()) == pytest.approx(
+    assert probe.spot.irradiance / _bracket_gain(picture, BracketCamera()) == pytest.approx(
         sun_light(lighting)[0], rel=0.02
     )
 

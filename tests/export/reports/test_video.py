@@ -10,21 +10,17 @@ import pytest
 from export import CLIP_KINDS
 from export.data.panoramas import DataError, Panorama, write_index
 from export.evaluation.metrics import figures_table
-from export.reports.video import (
+from export.reports.clips import (
     CLIP_HEIGHT,
     CLIP_RATE,
     CLIP_SECONDS,
     CLIP_WIDTH,
-    MEDIANS,
     Pixels,
-    _apply_gain,
-    _choose_panoramas,
-    _Clip,
-    _film_panorama,
-    _kind_figures,
-    _measure_clip,
-    _view_panorama,
+    RenderedClip,
+    film_panorama,
+    view_panorama,
 )
+from export.reports.video import MEDIANS, _choose_panoramas, _kind_figures, _measure_clip
 from lighting.color import srgb_decode
 from lighting.files.deflate import encode_png
 from lighting.geometry import Pinhole, camera_directions, sample_latlong
@@ -48,23 +44,23 @@ def test_a_camera_sees_what_its_pinhole_does() -> None:
     picture: Pixels = cv2.GaussianBlur(panorama(), (0, 0), 6.0).astype(np.uint8)
     rays = camera_directions(Pinhole(64, 36, 50.0, 170.0, 12.0, -7.0))  # across the seam
     expected = sample_latlong(picture.astype(np.float32), rays)
-    seen = _view_panorama(picture, (170.0, 12.0, -7.0), 50.0, (64, 36))
+    seen = view_panorama(picture, (170.0, 12.0, -7.0), 50.0, (64, 36))
     assert seen.shape == (36, 64, 3)
     assert np.abs(seen - expected).mean() < 0.6
 
 
 def test_a_clip_is_the_same_in_every_run_and_told_from_others(sunny: Panorama) -> None:
-    first, again = (_film_panorama(sunny, "pan") for _ in range(2))
+    first, again = (film_panorama(sunny, "pan") for _ in range(2))
     assert all(np.array_equal(a, b) for a, b in zip(first.path, again.path, strict=True))
     assert first.sun == (30.0, 40.0)
-    other = _film_panorama(replace(sunny, name="p1"), "pan")
+    other = film_panorama(replace(sunny, name="p1"), "pan")
     assert not np.array_equal(first.path[0], other.path[0])
     assert [frame.index for frame in first.frames(90)] == [0, 90]
 
 
 @pytest.mark.parametrize("kind", CLIP_KINDS)
 def test_each_kind_is_hard_in_what_its_name_says(sunny: Panorama, kind: str) -> None:
-    clip = _film_panorama(sunny, kind)
+    clip = film_panorama(sunny, kind)
     azimuth, elevation, _ = clip.path
     assert len(clip.time) == len(azimuth) == len(clip.gain) == len(clip.zoom) == COUNT
     assert clip.zoom[0] == 1.0
@@ -77,8 +73,8 @@ def test_each_kind_is_hard_in_what_its_name_says(sunny: Panorama, kind: str) -> 
 
 def test_things_and_crowds_hide_a_part_of_a_pan(sunny: Panorama) -> None:
     for kind, least, most in (("moving things", 0.01, 0.3), ("crowd", 0.05, 0.6)):
-        clip = _film_panorama(sunny, kind)
-        bare = _view_panorama(panorama(), (clip.path[0][0], clip.path[1][0], clip.path[2][0]), clip.vertical_fov)
+        clip = film_panorama(sunny, kind)
+        bare = view_panorama(panorama(), (clip.path[0][0], clip.path[1][0], clip.path[2][0]), clip.vertical_fov)
         hidden = (clip.picture(0) != bare).any(axis=-1).mean()
         assert least < hidden < most
         assert not np.array_equal(clip.picture(0), clip.picture(COUNT - 1))
@@ -88,9 +84,9 @@ def test_things_and_crowds_hide_a_part_of_a_pan(sunny: Panorama) -> None:
 def test_motion_blurs_across_the_way_and_keeps_the_brightness(sunny: Panorama, tmp_path: Path) -> None:
     grain = np.random.default_rng(0).integers(0, 256, (512, 1024, 3), dtype=np.uint8)
     (tmp_path / "grain.png").write_bytes(encode_png(grain))
-    clip = _film_panorama(replace(sunny, path=tmp_path / "grain.png"), "motion blur")
+    clip = film_panorama(replace(sunny, path=tmp_path / "grain.png"), "motion blur")
     middle = COUNT // 2  # where the camera turns fastest
-    sharp = _view_panorama(grain, (clip.path[0][middle], clip.path[1][middle], clip.path[2][middle]), clip.vertical_fov)
+    sharp = view_panorama(grain, (clip.path[0][middle], clip.path[1][middle], clip.path[2][middle]), clip.vertical_fov)
     blurred = clip.picture(middle)
     across, down = ([np.abs(np.diff(p.astype(int), axis=axis)).mean() for p in (sharp, blurred)] for axis in (1, 0))
     assert across[1] < 0.6 * across[0]
@@ -101,8 +97,11 @@ def test_motion_blurs_across_the_way_and_keeps_the_brightness(sunny: Panorama, t
 
 def test_a_gain_is_of_linear_values() -> None:
     picture = np.arange(256, dtype=np.uint8).repeat(3).reshape(16, 16, 3)
-    assert _apply_gain(picture, np.ones(3)) is picture
-    halved = srgb_decode(_apply_gain(picture, np.array([0.5, 1.0, 0.25])) / 255.0)
+    gains, zero = np.array([[1.0, 1.0, 1.0], [0.5, 1.0, 0.25]]), np.zeros(2)
+    clip = RenderedClip(np.arange(2.0), (zero, zero, zero), gains, FOV, np.ones(2), (0.0, 30.0), lambda _: picture)
+    as_it_is, darker = (frame.pixels for frame in clip.frames())
+    assert np.array_equal(as_it_is, picture)
+    halved = srgb_decode(darker / 255.0)
     known = srgb_decode(picture / 255.0)
     assert np.abs(halved / np.array([0.5, 1.0, 0.25]) - known).max() < 0.02
 
@@ -115,16 +114,16 @@ def model(network: Path) -> Model:
     return Model.load(network, threads=1)
 
 
-def pan() -> _Clip:
+def pan() -> RenderedClip:
     """A level camera that turns by 50 degrees and grows darker."""
     time, level = np.arange(PAN_FRAMES) / CLIP_RATE, np.zeros(PAN_FRAMES)
     azimuth = 20.0 + 50.0 * time / time[-1]
     gain = np.linspace(1.0, 0.7, PAN_FRAMES)[:, None] * np.ones(3)
 
     def shot(i: int) -> Pixels:
-        return _view_panorama(panorama(), (float(azimuth[i]), 0.0, 0.0), FOV, SIZE)
+        return view_panorama(panorama(), (float(azimuth[i]), 0.0, 0.0), FOV, SIZE)
 
-    return _Clip(time, (azimuth, level, level), gain, FOV, np.ones(PAN_FRAMES), (30.0, 40.0), shot)
+    return RenderedClip(time, (azimuth, level, level), gain, FOV, np.ones(PAN_FRAMES), (30.0, 40.0), shot)
 
 
 def test_a_clip_is_measured_against_what_is_true_of_it(model: Model) -> None:

@@ -7,28 +7,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import export.stereo.evaluate as evaluation
 from export.__main__ import export_cli
-from export.stereo.evaluate import (
-    SEASONS,
-    TABLES,
-    Trial,
-    _cell,
-    _Result,
-    _trial,
-    evaluate_normals,
-    normal_angles,
-    run_session,
-)
-from export.stereo.noise_gain import LIFTS, _cost_of_an_hour, _estimates, _triplet
+from export.stereo.evaluate import SEASONS, TABLES, Trial, _cell, evaluate_normals, normal_angles, run_session
 from export.stereo.renders import CaptureDay, Subject, utc_times
-from export.stereo.surfaces import _of_height, rotate_surface
+from export.stereo.surfaces import rotate_surface, surface_from_height
 from lighting.errors import LightingError
 from lighting.geometry import angle_between
 from lighting.stereo.light_vectors import clear_skies, gray_skies, sun_directions
 from lighting.stereo.normal_network import Network
 from lighting.stereo.schedule import normals_of_interest
-from lighting.stereo.solver import Session
+from tests.helpers.noise_study import _estimates, triplet
 
 
 class Errors:
@@ -43,48 +31,19 @@ class Errors:
 
 def test_a_cell_holds_median_and_mean_over_all_shapes() -> None:
     shapes = [Errors([1.0, 2.0], [1.0, 1.0]), Errors([3.0, 10.0, 4.0], [1.0, 1.0, 6.0])]
-    assert _cell(cast("list[_Result]", shapes)) == "3.0 / 4.0, 1.0 / 2.0"
-
-
-def test_a_row_changes_its_season() -> None:
-    plain = _trial(1, {})
-    assert plain.day is list(SEASONS.values())[1]
-    few = _trial(1, {"count": 3, "sky": 4.0, "turbidity_error": -1.0})
-    assert len(few.day.times) == 3
-    assert (few.day.times[0], few.day.times[-1]) == (plain.day.times[0], plain.day.times[-1])
-    assert few.day.turbidity == 4
-    assert few.believed().turbidity == 3
+    assert _cell(cast("Any", shapes)) == "3.0 / 4.0, 1.0 / 2.0"
 
 
 def test_every_table_has_a_name_and_a_folder_without_shapes_is_refused(tmp_path: Path) -> None:
-    assert TABLES == ("seasons", "wrong", "photos", "heading", "turbidity", "gloss", "expected")
+    assert TABLES == ("seasons", "wrong", "expected")
     with pytest.raises(LightingError, match="no scanned_objects and no meshes"):
         evaluate_normals(tmp_path, cast("Network", None), print)
-
-
-def test_one_and_three_channels_with_and_without_the_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    shapes = []
-
-    def solve(session: Session, *, network: Any) -> None:
-        shapes.append((*session.images.shape, network is not None))
-
-    monkeypatch.setattr(evaluation, "SIDE", 16)
-    monkeypatch.setattr(evaluation, "solve_normals", solve)
-    lines: list[str] = []
-    evaluation.print_speed(lines.append)
-    assert shapes == [(8, 16, 16, channels, network) for channels in (1, 3) for network in (False, True)]
-    assert [line.split(":")[0] for line in lines] == [
-        "1 channel(s), search",
-        "1 channel(s), search and network",
-        "3 channel(s), search",
-        "3 channel(s), search and network",
-    ]
 
 
 def test_a_session_of_two_shapes_in_june_meets_the_target_of_the_search() -> None:
     y, x = np.mgrid[:40, :40] - 19.5
     inside = x * x + y * y < 17**2
-    ball = _of_height(np.sqrt(np.maximum(19.0**2 - x * x - y * y, 1)).astype(np.float32), inside)
+    ball = surface_from_height(np.sqrt(np.maximum(19.0**2 - x * x - y * y, 1)).astype(np.float32), inside)
     day = CaptureDay(utc_times("2024-06-21", np.arange(9.0, 17.0)), 47.0)
     found: list[Any] = run_session(
         [Subject("a", "b", ball), Subject("c", "b", rotate_surface(ball, 1))], Trial(day), None
@@ -112,7 +71,7 @@ def test_angles_are_between_unit_vectors() -> None:
 
 def test_the_group_lists_its_commands() -> None:
     listed = CliRunner().invoke(export_cli, ["stereo", "--help"]).stdout
-    for name in ("evaluate", "gain", "onnx", "speed", "train"):
+    for name in ("evaluate", "onnx", "train"):
         assert f"  {name} " in listed
 
 
@@ -131,21 +90,10 @@ def test_a_folder_without_shapes_is_named(tmp_path: Path) -> None:
 
 
 def test_triplets_are_two_lights_on_the_plane_and_one_lifted() -> None:
-    lights = _triplet(30, 20)
+    lights = triplet(30, 20)
     np.testing.assert_allclose(np.linalg.norm(lights, axis=1), 1)
     assert angle_between(lights[0], lights[1]) == pytest.approx(30)
     np.testing.assert_allclose(lights[:, 1], [0, 0, np.sin(np.radians(20))], atol=1e-12)
-
-
-@pytest.mark.parametrize("lift", LIFTS)
-def test_an_hour_costs_five_to_seven_times_the_best_full_arc(lift: float) -> None:
-    """However far the hour's third light is lifted, from 10 deg on."""
-    assert 5 < _cost_of_an_hour(lift, 90) < 7.1
-
-
-def test_an_hour_costs_less_where_the_full_arc_is_as_flat() -> None:
-    assert _cost_of_an_hour(15, 15) == pytest.approx(1.0, abs=0.02)
-    assert _cost_of_an_hour(75, 75) > 5
 
 
 def test_faint_noise_leaves_normals_nearly_as_they_are() -> None:

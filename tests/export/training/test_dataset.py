@@ -3,16 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from PIL import Image
 
 from export.crops.crops import load_sources
 from export.crops.photos import PHOTO_COLUMNS, PHOTOS
-from export.data import rendered_towns
 from export.data.panoramas import DataError, Panorama, read_index
-from export.training import dataset
 from export.training.dataset import TrainConfig, TrainingCrops, split_places, training_photos
 from export.training.loop import _Run
 from tests.helpers.panoramas import EXAMPLES_SPEC, source
@@ -45,21 +42,6 @@ def test_sun_targets_narrow_while_the_run_goes_on(config: TrainConfig) -> None:
     peaks = [float(crops[index].sun.max()) for index in (0, 30, 60, 99)]
     assert peaks[0] < 0.5 * peaks[1] < 0.5 * peaks[2]
     torch.testing.assert_close(crops[99].sun, usual[99].sun)
-
-
-@pytest.mark.needs("mitsuba", "llvm")
-def test_samples_are_one_crop_of_each_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dataset, "DOWN", 1)
-    rendered_towns.render_towns(tmp_path / "towns", 8, 16)
-    dataset.write_samples(tmp_path / "towns", tmp_path / "samples.jpg")
-    with Image.open(tmp_path / "samples.jpg") as picture:
-        assert picture.size == (8 * 224, 168)
-        tiles = np.asarray(picture, float).reshape(168, 8, 224, 3).mean(axis=(0, 2, 3))
-    assert len(np.unique(np.round(tiles))) > 4
-    monkeypatch.setattr(dataset, "DOWN", 2)
-    with pytest.raises(DataError, match="holds 8 places; the picture shows 16"):
-        dataset.write_samples(tmp_path / "towns", tmp_path / "more.jpg")
-    assert not (tmp_path / "more.jpg").exists()
 
 
 def test_places_are_held_out_whole_and_by_name() -> None:

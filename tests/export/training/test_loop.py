@@ -3,7 +3,6 @@
 import json
 import shutil
 from dataclasses import asdict, fields, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from export.networks import outdoor_transformer
 from export.networks.backbone import NetworkOutput
 from export.networks.onnx_export import write_onnx
 from export.networks.outdoor import (
-    TARGET_WIDTH,
     camera_bin_targets,
     decode_parameters,
     encode_parameters,
@@ -28,7 +26,6 @@ from export.networks.outdoor import (
 from export.networks.weights import (
     CHECKPOINT,
     RUN_RECORD,
-    average_weights,
     averaged_weights,
     read_network,
     read_record,
@@ -36,17 +33,9 @@ from export.networks.weights import (
     write_run,
 )
 from export.training.dataset import MAY_CHANGE, Batch, TrainConfig, TrainingCrops
-from export.training.loop import (
-    _blended_shares,
-    _earlier_commits,
-    _learning_rate,
-    _mixup,
-    _Run,
-    _TeacherEnsemble,
-    _training_losses,
-    _with_mirror_images,
-    train_network,
-)
+from export.training.distillation import TeacherEnsemble, add_mirror_images, blend_pictures, blended_shares
+from export.training.loop import _earlier_commits, _learning_rate, _Run, train_network
+from export.training.losses import training_losses
 from export.training.onnx_import import _make_record, _read_onnx_network
 from lighting.errors import LightingError
 
@@ -80,17 +69,15 @@ def test_a_run_is_resumed_with_its_own_settings_alone(
 
 
 def test_networks_that_are_no_runs_are_to_be_started_from(
-    config: TrainConfig, trained: Path, trained_network: Path, tmp_path: Path
+    config: TrainConfig, trained_network: Path, tmp_path: Path
 ) -> None:
-    mean, read = tmp_path / "mean", tmp_path / "read"
-    average_weights([trained, trained], mean)
+    read = tmp_path / "read"
     network, metadata = _read_onnx_network(trained_network, 0)
     write_run(read, _make_record(metadata, trained_network, 0), network.state_dict())
-    for folder, made in ((mean, "is the mean of several runs"), (read, "was read back from a file")):
-        before = (folder / RUN_RECORD).read_bytes()
-        with pytest.raises(DataError, match=f"{made}; give it as --start and choose another --out"):
-            train_network(replace(config, out=str(folder)))
-        assert (folder / RUN_RECORD).read_bytes() == before
+    before = (read / RUN_RECORD).read_bytes()
+    with pytest.raises(DataError, match="was read back from a file; give it as --start and choose another --out"):
+        train_network(replace(config, out=str(read)))
+    assert (read / RUN_RECORD).read_bytes() == before
 
 
 def test_a_damaged_checkpoint_is_one_sentence(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
@@ -100,20 +87,20 @@ def test_a_damaged_checkpoint_is_one_sentence(config: TrainConfig, trained: Path
         whole = (trained / CHECKPOINT).read_bytes()
         (run / CHECKPOINT).write_bytes(whole[: int(share * len(whole))])
         again = replace(config, out=str(run))
-        for work in (partial(train_network, again), partial(average_weights, [run, trained], tmp_path / "mean")):
-            with pytest.raises(DataError, match=r"checkpoint\.pt is cut short or damaged\.$"):
-                work()
+        with pytest.raises(DataError, match=r"checkpoint\.pt is cut short or damaged\.$"):
+            train_network(again)
 
 
 def test_what_belongs_to_another_network_or_time_is_one_sentence(
     config: TrainConfig, trained: Path, tmp_path: Path
 ) -> None:
-    train_network(replace(config, out=str(tmp_path / "cvpr2017"), network="cvpr2017", crops=4))
-    with pytest.raises(DataError, match="are of another network than this one"):
-        train_network(replace(config, out=str(tmp_path / "later"), start=str(tmp_path / "cvpr2017")))
-    assert not (tmp_path / "later").exists()
     mixed = shutil.copytree(trained, tmp_path / "mixed")
-    shutil.copy(tmp_path / "cvpr2017" / CHECKPOINT, mixed / CHECKPOINT)
+    state = torch.load(mixed / CHECKPOINT, weights_only=True)
+    others = {part: {f"{name}.more": value for name, value in state[part].items()} for part in ("network", "average")}
+    torch.save(state | others, mixed / CHECKPOINT)
+    with pytest.raises(DataError, match="are of another network than this one"):
+        train_network(replace(config, out=str(tmp_path / "later"), start=str(mixed)))
+    assert not (tmp_path / "later").exists()
     with pytest.raises(DataError, match=r"checkpoint\.pt is of another network than the run's\.$"):
         train_network(replace(config, out=str(mixed)))
     record = json.loads((mixed / RUN_RECORD).read_text())
@@ -133,8 +120,8 @@ def test_a_path_may_be_written_another_way_when_a_run_is_resumed(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(DataError, match="another data and labels"):
         _earlier_commits(relative)
-    with pytest.raises(DataError, match="another teachers and start and synthetic"):
-        _earlier_commits(replace(short, start=".", synthetic=".", teachers=(".",)))
+    with pytest.raises(DataError, match="another teachers and start"):
+        _earlier_commits(replace(short, start=".", teachers=(".",)))
 
 
 def test_a_batch_can_be_learnt_by_heart(config: TrainConfig) -> None:
@@ -151,7 +138,7 @@ def test_a_killed_run_goes_on_where_it_stopped(config: TrainConfig, tmp_path: Pa
     first = _Run(replace(config, out=str(tmp_path)))
     sources = load_sources(read_index(config.data, "train"), config.labels)
     crops = TrainingCrops(sources, first.spec, replace(config, crops=12))
-    first.train_mode()
+    first.network.train()
     for batch in first.batches(crops):
         first.update(batch)
         if first.step == 2:
@@ -159,7 +146,7 @@ def test_a_killed_run_goes_on_where_it_stopped(config: TrainConfig, tmp_path: Pa
     second = _Run(first.config)
     second.resume()
     assert second.step == 2
-    second.train_mode()
+    second.network.train()
     for batch in second.batches(crops, first=8):
         second.update(batch)
     assert second.step == first.step == 3
@@ -194,15 +181,6 @@ def test_what_a_killed_save_left_is_deleted(config: TrainConfig, tmp_path: Path)
     other.write_bytes(b"whole")
     _Run(replace(config, out=str(tmp_path))).resume()
     assert [*tmp_path.iterdir()] == [other]
-
-
-def test_where_the_sun_is_seen_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
-    train_network(replace(config, out=str(tmp_path), start=str(trained), only_seen=True, aimed=1.0, crops=8))
-    before, after = averaged_weights(trained), averaged_weights(tmp_path)
-    changed = {name for name, value in before.items() if not torch.equal(value, after[name])}
-    assert changed
-    assert all(name.startswith("seen.") for name in changed)
-    assert [run["crops"] for run in training_history(read_record(tmp_path))] == [16, 8]
 
 
 def test_the_camera_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
@@ -242,21 +220,7 @@ def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: Trai
     assert json.loads((Path(both.out) / "log.jsonl").read_text())["around"] > 0
     write_onnx([Path(both.out)], tmp_path / "x.onnx")
     assert {"light", "around"} < {output.name for output in onnx.load(tmp_path / "x.onnx").graph.output}
-    train_network(
-        replace(both, out=str(tmp_path / "next"), start=both.out, joined=0.0, surroundings=False, only_seen=True)
-    )
-
-
-def test_crops_of_a_stretched_world_have_other_pictures_and_suns(config: TrainConfig, tmp_path: Path) -> None:
-    stretched = replace(config, out=str(tmp_path / "run"), crops=8, stretched=1.0, joined=0.5, surroundings=True)
-    sources = load_sources(read_index(config.data, "train"), config.labels)
-    spec = network_specs("1.0.0")["outdoor"]
-    as_it_is, other = (TrainingCrops(sources, spec, replace(stretched, stretched=share)) for share in (0.0, 1.0))
-    assert all(as_it_is._draw_sources(index) == other._draw_sources(index) for index in range(8))
-    for part in ("photo", "sun", "surroundings"):
-        assert not any(torch.equal(getattr(as_it_is[i], part), getattr(other[i], part)) for i in range(4))
-    train_network(stretched)
-    assert training_history(read_record(Path(stretched.out)))[0]["stretched"] == 1.0
+    train_network(replace(both, out=str(tmp_path / "next"), start=both.out, joined=0.0, surroundings=False))
 
 
 def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: TrainConfig, tmp_path: Path) -> None:
@@ -284,12 +248,12 @@ def test_a_run_s_crops_depend_on_the_name_of_its_start_and_not_on_where_that_lie
 def test_settings_are_plain_values_that_json_keeps() -> None:
     config = TrainConfig("data", "labels.csv", "out")
     assert TrainConfig(**json.loads(json.dumps(asdict(config)))) == config
-    assert config.target_width == TARGET_WIDTH["outdoor"]
+    assert config.target_width == 4.0
 
 
 def test_what_may_change_decides_no_crop_and_no_weight() -> None:
     assert set(MAY_CHANGE) <= {field.name for field in fields(TrainConfig)}
-    assert not set(MAY_CHANGE) & {"data", "crops", "batch", "learning_rate", "start", "synthetic"}
+    assert not set(MAY_CHANGE) & {"data", "crops", "batch", "learning_rate", "start"}
 
 
 def test_unknown_targets_cost_nothing() -> None:
@@ -303,11 +267,11 @@ def test_unknown_targets_cost_nothing() -> None:
     nothing = logits[:, :0]
     batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, sun, nothing, nothing, torch.tensor([False, False]))
     predicted = NetworkOutput(logits, raw, logits, nothing, nothing, nothing, nothing)
-    parts = _training_losses(predicted, batch)
+    parts = training_losses(predicted, batch)
     costs = {name: part.item() for name, part in parts.items()}
     expected = {"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2), "seen": np.log(2)}
     assert costs == pytest.approx(expected, abs=1e-6)
-    assert "seen" not in _training_losses(predicted._replace(sun_in_view=nothing), batch)
+    assert "seen" not in training_losses(predicted._replace(sun_in_view=nothing), batch)
     torch.autograd.backward(sum(parts.values(), torch.zeros(())))
     assert raw.grad is not None
     assert torch.isfinite(raw.grad).all()
@@ -324,7 +288,7 @@ def test_a_likelihood_is_met_by_any_sharp_answer_inside_it() -> None:
         batch = Batch(
             torch.zeros(1, 3, 1, 1), known, nan, known[:, :0], known[:, :0], known[:, :0], torch.tensor([True])
         )
-        costs[name] = _training_losses(predicted, batch)["sun"].item()
+        costs[name] = training_losses(predicted, batch)["sun"].item()
     assert costs["sure"] == pytest.approx(costs["even"], abs=1e-4)
     assert costs["wrong"] > costs["sure"] + 10
 
@@ -338,10 +302,10 @@ def test_light_and_camera_cost_nothing_where_they_are_right_or_unknown() -> None
     bins = camera_bin_targets(raw[:, 2:5]).clamp_min(1e-9).log()
     predicted = NetworkOutput(empty, raw, empty, around, bins, light.nan_to_num(), empty)
     batch = Batch(torch.zeros(1, 3, 1, 1), empty, parameters, empty, around, light, torch.tensor([False]))
-    parts = _training_losses(predicted, batch)
+    parts = training_losses(predicted, batch)
     assert parts["light"].item() == pytest.approx(0.0, abs=1e-6)
     assert parts["around"].item() == pytest.approx(0.0, abs=1e-6)
-    off = _training_losses(predicted._replace(camera=bins.flip(2).roll(9, 2)), batch)
+    off = training_losses(predicted._replace(camera=bins.flip(2).roll(9, 2)), batch)
     assert off["camera"].item() > parts["camera"].item() + 0.5
 
 
@@ -354,8 +318,8 @@ def test_the_light_around_the_camera_changes_no_other_cost(around: float) -> Non
     predicted = NetworkOutput(empty, raw, empty, torch.zeros(1, 6), bins, light, empty)
     target = torch.full((1, 6), around)
     batch = Batch(torch.zeros(1, 3, 1, 1), empty, decode_parameters(raw), empty, target, light, torch.tensor([False]))
-    parts = _training_losses(predicted, batch)
-    without = _training_losses(predicted._replace(surroundings=empty), batch)
+    parts = training_losses(predicted, batch)
+    without = training_losses(predicted._replace(surroundings=empty), batch)
     assert set(parts) == {*without, "around"}
     for name, cost in without.items():
         assert parts[name].item() == pytest.approx(cost.item()), name
@@ -372,13 +336,13 @@ def batch(config: TrainConfig) -> Batch:
 def test_the_target_is_the_mean_of_the_teachers_answers(trained: Path, batch: Batch) -> None:
     network = read_network(trained)
     spec = _Run(TrainConfig("", "", "")).spec
-    alone = _TeacherEnsemble([trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
+    alone = TeacherEnsemble([trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
     with torch.inference_mode():
         predicted = network(batch.photo)
     torch.testing.assert_close(alone.sun, (predicted.sun / 0.9).softmax(dim=1))
     torch.testing.assert_close(alone.parameters[:, 2:5], _camera(predicted))
     assert alone.surroundings.shape == alone.light.shape == (len(batch.photo), 0)
-    twice = _TeacherEnsemble([trained, trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
+    twice = TeacherEnsemble([trained, trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
     torch.testing.assert_close(twice.sun, alone.sun)
 
 
@@ -390,7 +354,7 @@ def _camera(predicted: NetworkOutput) -> torch.Tensor:
 
 def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch) -> None:
     torch.manual_seed(0)
-    mixed = _mixup(batch, _blended_shares(len(batch.photo), 0.5, mirrored=False))
+    mixed = blend_pictures(batch, blended_shares(len(batch.photo), 0.5, mirrored=False))
     same = (mixed.photo == batch.photo).flatten(1).all(dim=1)
     assert 0 < int(same.sum()) < len(same)
     for name in ("sun", "parameters", "sun_in_view", "surroundings", "light"):
@@ -399,12 +363,12 @@ def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch
     assert (mixed.sun_in_view[~same] == 0).all()
     assert mixed.parameters[~same].isnan().all()
     assert mixed.light[~same].isnan().all()
-    torch.testing.assert_close(_mixup(batch, torch.zeros(len(batch.photo))).photo, batch.photo)
+    torch.testing.assert_close(blend_pictures(batch, torch.zeros(len(batch.photo))).photo, batch.photo)
 
 
 def test_of_a_mirror_image_the_camera_is_known_and_the_sun_is_not(batch: Batch) -> None:
     count = len(batch.photo)
-    both = _with_mirror_images(batch)
+    both = add_mirror_images(batch)
     for one, doubled in zip(batch, both, strict=True):
         torch.testing.assert_close(doubled[:count], one, equal_nan=True)
     torch.testing.assert_close(both.photo[count:], batch.photo.flip(3))
@@ -414,16 +378,16 @@ def test_of_a_mirror_image_the_camera_is_known_and_the_sun_is_not(batch: Batch) 
     assert not both.sun_in_view[count:].any()
     assert both.surroundings[count:].isnan().all()
     assert both.light[count:].isnan().all()
-    torch.testing.assert_close(_blended_shares(4, 0.4, mirrored=True), torch.tensor([0.4, 0.4, 0.8, 0.8]))
+    torch.testing.assert_close(blended_shares(4, 0.4, mirrored=True), torch.tensor([0.4, 0.4, 0.8, 0.8]))
 
 
 def test_a_network_that_answers_as_its_teacher_has_nothing_to_learn_from_it(trained: Path, batch: Batch) -> None:
     network = read_network(trained)
-    taught = _TeacherEnsemble([trained], _Run(TrainConfig("", "", "")).spec, batch.photo.device, surroundings=False)
+    taught = TeacherEnsemble([trained], _Run(TrainConfig("", "", "")).spec, batch.photo.device, surroundings=False)
     answers = taught.targets(batch.photo)
     predicted = network(batch.photo)
     cooled = predicted._replace(sun=predicted.sun / 0.9)
-    loss = _training_losses(cooled, answers)["sun"]
+    loss = training_losses(cooled, answers)["sun"]
     entropy = -(answers.sun * answers.sun.log()).sum(dim=1).mean()
     assert loss.item() == pytest.approx(entropy.item(), rel=1e-3)
     (slope,) = torch.autograd.grad(loss, predicted.sun)

@@ -11,20 +11,21 @@ from PIL import Image
 
 import export.training.segmentation as segmentation
 from export.data.panoramas import DataError, read_table
+from export.networks.backbone import Backbone
+from export.networks.outdoor import network_specs
 from export.networks.segmentation import SegmentationBranch, SegmentationHead
-from export.reports.ground import _describe_answers, _GroundAnswer
+from export.reports.ground import GroundAnswer, describe_answers
 from export.training.segmentation import (
     LabelledPicture,
     _cut_part,
-    _FrozenNetwork,
-    _predict_grid,
     _raise_odds,
     _taught_part,
     _vary_picture,
     read_labelled_pictures,
 )
 from export.training.segmentation_teacher import teach_views
-from lighting.model import pad_to_input
+from lighting.model import pad_to_input, preprocess
+from lighting.photo.reader import photo_from_array
 from lighting.segmentation import SurfaceClass
 from tests.helpers.panoramas import ROW, write_index
 
@@ -165,19 +166,15 @@ def test_training_learns_and_the_run_answers_the_same(tmp_path: Path, monkeypatc
     assert said.startswith(f"{tmp_path / 'run'}: a branch")
     with pytest.raises(DataError, match="already holds a run"):
         segmentation.train_segmentation(tmp_path, teacher, tmp_path / "run")
-    shares = _predict_grid(_FrozenNetwork(), SegmentationBranch.read(tmp_path / "run").head, picture.pixels, (9, 12))
-    ground, water, sky = (shares[row, column] for row, column in ((7, 2), (7, 9), (1, 5)))  # within each
+    branch, frozen = SegmentationBranch.read(tmp_path / "run").eval(), Backbone.pretrained().eval()
+    canvas = torch.from_numpy(preprocess(photo_from_array(picture.pixels), network_specs("0")["outdoor"]))
+    with torch.inference_mode():
+        shares = branch(frozen.frozen_features(canvas)).softmax(dim=1)[0].permute(1, 2, 0).numpy()
+    ground, water, sky = (shares[row, column] for row, column in ((20, 7), (20, 20), (6, 14)))  # within each
     assert shares.sum(axis=2) == pytest.approx(1.0, abs=1e-4)
     assert ground[SurfaceClass.GROUND] > 2 * sky[SurfaceClass.GROUND]  # after a few steps
     assert water[SurfaceClass.WATER] > 2 * sky[SurfaceClass.WATER]
     assert sky.argmax() == SurfaceClass.SKY
-
-
-def test_predictions_are_probabilities_of_a_grid() -> None:
-    torch.manual_seed(0)
-    shares = _predict_grid(_FrozenNetwork(), SegmentationHead().eval(), np.zeros((90, 60, 3), dtype=np.uint8), (12, 9))
-    assert shares.shape == (12, 9, 10)
-    assert shares.sum(axis=2) == pytest.approx(1.0)
 
 
 def test_a_class_is_made_likelier_everywhere() -> None:
@@ -198,13 +195,13 @@ def test_the_report_counts_spots_refusals_and_cells() -> None:
     with_ground = LabelledPicture("a", False, np.zeros((9, 12, 3), np.uint8), grid.astype(np.intp))
     without = LabelledPicture("b", False, with_ground.pixels, np.full((9, 12), SurfaceClass.SKY, dtype=np.intp))
     right = np.eye(10, dtype=np.float32)[grid.repeat(2, axis=0).repeat(2, axis=1)]
-    text = _describe_answers(
+    text = describe_answers(
         [with_ground, with_ground, without, without],
         [
-            _GroundAnswer(right, (0.5, 0.8)),
-            _GroundAnswer(right, (0.5, 0.2)),
-            _GroundAnswer(right, None),
-            _GroundAnswer(np.eye(10, dtype=np.float32)[np.full((18, 24), SurfaceClass.SKY)], (0.5, 0.5)),
+            GroundAnswer(right, (0.5, 0.8)),
+            GroundAnswer(right, (0.5, 0.2)),
+            GroundAnswer(right, None),
+            GroundAnswer(np.eye(10, dtype=np.float32)[np.full((18, 24), SurfaceClass.SKY)], (0.5, 0.5)),
         ],
     )
     assert "Of 2 pictures with ground, the spot of 1 lies on it (50 %)." in text

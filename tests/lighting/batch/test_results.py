@@ -11,16 +11,8 @@ import pytest
 from pyarrow.parquet import read_table
 
 from lighting.batch.job import BatchJob
-from lighting.batch.ray import _filesystem_at, _open_results, _PhotoActor
-from lighting.batch.results import (
-    _read_records,
-    open_journal,
-    read_suitable,
-    require_parquet,
-    table_row,
-    table_schema,
-    write_parquet,
-)
+from lighting.batch.ray import PhotoActor, _filesystem_at, _open_results
+from lighting.batch.results import open_journal, read_suitable, require_parquet, table_row, table_schema, write_parquet
 from lighting.errors import BatchError, MissingExtraError
 from lighting.fields import RANGES
 from lighting.records import Lighting
@@ -43,6 +35,11 @@ def fill(path: Path) -> bytes:
     return path.read_bytes()
 
 
+def files_in(path: Path) -> list[str]:
+    """The photos that a journal names."""
+    return [json.loads(line)["file"] for line in path.read_text(encoding="utf-8").splitlines()]
+
+
 def test_lines_are_there_as_soon_as_they_are_appended(path: Path) -> None:
     with open_journal(path) as journal:
         journal.append("a.jpg", LINES[0], failed=False)
@@ -56,7 +53,11 @@ def test_what_is_done_is_known_again(path: Path) -> None:
         journal.append("c.jpg", FAILED, failed=True)
         assert journal.names == {"a.jpg", "b/ä.jpg", "c.jpg"}
         assert journal.failed == 1
-    assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+    assert files_in(path) == [
+        "a.jpg",
+        "b/ä.jpg",
+        "c.jpg",
+    ]
 
 
 def test_what_failed_is_forgotten_and_tried_again(path: Path) -> None:
@@ -72,7 +73,11 @@ def test_what_failed_is_forgotten_and_tried_again(path: Path) -> None:
         with pytest.raises(BatchError, match="Another batch"), open_journal(path):
             pass
         journal.append("c.jpg", json.dumps({"file": "c.jpg", "lighting": {}}), failed=False)
-    assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+    assert files_in(path) == [
+        "a.jpg",
+        "b/ä.jpg",
+        "c.jpg",
+    ]
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
@@ -116,7 +121,11 @@ def test_what_stands_behind_a_damaged_line_is_not_lost(path: Path, damage: bytes
         assert journal.names == {"a.jpg", "b/ä.jpg"}
         assert path.read_bytes() == first + second
         journal.append("c.jpg", LINES[0].replace("a.jpg", "c.jpg"), failed=False)
-    assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
+    assert files_in(path) == [
+        "a.jpg",
+        "b/ä.jpg",
+        "c.jpg",
+    ]
 
 
 def test_what_somebody_wrote_into_a_journal_is_kept_aside(path: Path) -> None:
@@ -309,7 +318,7 @@ def test_an_actor_of_ray_reads_sidecars_and_makes_rows_of_texts(tmp_path: Path, 
     (tmp_path / "a.jpg").write_bytes(encode(scene(320, 240)))
     taken = {"photoTakenTime": {"timestamp": "1717253400"}, "geoData": {"latitude": 48.1, "longitude": 11.6}}
     (tmp_path / "a.jpg.supplemental-metadata.json").write_text(json.dumps(taken))
-    actor = _PhotoActor(BatchJob(str(tmp_path), str(tmp_path / "out"), str(network), engine="ray"))
+    actor = PhotoActor(BatchJob(str(tmp_path), str(tmp_path / "out"), str(network), engine="ray"))
     row = actor({"path": str(tmp_path.resolve() / "a.jpg"), "bytes": (tmp_path / "a.jpg").read_bytes()})
     assert row["error"] is None
     assert row["utc_time"].startswith("2024-06-01T14:50:00")

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import weakref
@@ -16,7 +17,7 @@ from pydantic_core import from_json
 
 import lighting.cli.photos as photos
 import lighting.fusion.estimate as fusion
-from lighting.cli.console import _CONTROLS, _format_summary, escape_control_chars, escape_path
+from lighting.cli.console import _format_summary, escape_control_chars, escape_path
 from lighting.envmap.relighting import adjust_lighting
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, write_exr
@@ -28,6 +29,8 @@ from tests.conftest import encode, scene
 from tests.helpers.clips import pan, write_clip
 from tests.helpers.pages import ROOT
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command, run_in_terminal
+
+CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
 
 SMALL = ("--height", "16")
 
@@ -225,7 +228,7 @@ def test_no_escape_in_a_name_reaches_the_terminal(command: str, content: str, ne
     output = ["--for", "mitsuba", "-o", tmp_path / "out"] if command == "scene" else output
     model: list[str | Path] = ["--model", network] if command not in ("info", "render") else []
     result = invoke_command(*command.split(), photo, *output, *model)
-    assert not _CONTROLS.search(result.output.replace("\n", ""))
+    assert not CONTROLS.search(result.output.replace("\n", ""))
     assert "owned" in result.output
 
 
@@ -241,7 +244,7 @@ def test_neither_does_one_in_a_usage_error_or_a_batch(network: Path, tmp_path: P
     ):
         assert result.exit_code
         assert "\\x1b" in result.output
-        assert not _CONTROLS.search(result.output.replace("\n", ""))
+        assert not CONTROLS.search(result.output.replace("\n", ""))
 
 
 def test_neither_does_one_in_the_name_of_a_clip_or_a_probe(network: Path, tmp_path: Path) -> None:
@@ -253,7 +256,7 @@ def test_neither_does_one_in_the_name_of_a_clip_or_a_probe(network: Path, tmp_pa
     ):
         assert result.exit_code == 0, result.output
         assert SHOWN in result.output
-        assert not _CONTROLS.search(result.output.replace("\n", ""))
+        assert not CONTROLS.search(result.output.replace("\n", ""))
 
 
 def test_the_line_of_an_answer_says_when_the_photo_was_taken() -> None:

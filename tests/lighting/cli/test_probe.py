@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from export.reports.probe import SKY_DAY, SKY_PLACE, _BracketCamera, _clear_sky_at, _expose_bracket, _photograph_sky
+from export.reports.probe import SKY_DAY, SKY_PLACE, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from lighting.cli import cli
 from lighting.cli.probe import PROBE_KINDS
 from lighting.color import srgb_encode
@@ -37,10 +37,10 @@ def shoot(folder: Path, hours: int = 0, fill: float = 8.0, with_exif: bool = Tru
     """Three exposures of a clear sky as 16-bit PNG, `hours` after nine in the morning UTC."""
     folder.mkdir(parents=True)
     time = SKY_DAY + timedelta(hours=hours)
-    picture = _photograph_sky(
-        _clear_sky_at(Moment(time, *SKY_PLACE)), make_lens("equidistant", 160, 160), yaw_rotation(40.0)
+    picture = photograph_sky(
+        clear_sky_at(Moment(time, *SKY_PLACE)), make_lens("equidistant", 160, 160), yaw_rotation(40.0)
     )
-    photos = _expose_bracket(picture, _BracketCamera(14, fill), np.random.default_rng(hours), TIMES)
+    photos = expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(hours), TIMES)
     local = (time + timedelta(hours=2)).strftime("%Y:%m:%d %H:%M:%S")
     return [
         write_png16(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.fusion.estimate import _daylight_probability, _unsuitable_warnings, build_estimate
+from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import (
     USER_HEADING_STD,
     _magnetic_declination,
@@ -82,17 +82,18 @@ def answered(metadata: PhotoMetadata, given: UserInput | None = None) -> Lightin
     [(15.0, 0.99, 1.0), (12.0, 0.99, 1.0), (10.0, 0.95, 1.0), (8.0, 0.5, 0.5), (6.0, 0.0, 0.05), (-20.0, 0.0, 1e-9)],
 )
 def test_daylight_is_bright(exposure_value: float, low: float, high: float) -> None:
-    assert low <= _daylight_probability(exposure_value) <= high
+    probability = (answered(PhotoMetadata(exposure_value=exposure_value)).suitable or 0.0) / 0.99
+    assert low - 1e-4 <= probability <= high + 1e-4
 
 
 def test_only_dark_scenes_are_told_of() -> None:
-    assert DARK not in _unsuitable_warnings(Observations(exposure_value=12.0))
-    assert _unsuitable_warnings(Observations(exposure_value=5.0))[0] == DARK
+    assert DARK not in answered(PhotoMetadata(exposure_value=12.0)).warnings
+    assert answered(PhotoMetadata(exposure_value=5.0)).warnings[0] == DARK
 
 
 def test_a_photo_of_a_dark_scene_does_not_suit() -> None:
     light = answered(PhotoMetadata(exposure_value=5.0))
-    assert light.suitable == pytest.approx(0.99 * _daylight_probability(5.0), rel=1e-5)
+    assert light.suitable == pytest.approx(0.99 / (1 + 2.0 ** (2.5 * (8.0 - 5.0))), rel=1e-5)
     assert light.warnings[0] == DARK
     assert "do not trust this result" in light.warnings[1]
     assert light.evidence == ("pixels", "camera exposure")
@@ -127,7 +128,7 @@ def test_each_of_several_photos_has_its_own_exposure() -> None:
     fused = fuse_views([SUITS, SUITS], [k.observations for k in found], [0.0, 0.0])
     bright, dark = (build_estimate(f, k).lighting for f, k in zip(fused, found, strict=True))
     assert bright.suitable == pytest.approx(0.99, abs=1e-4)
-    assert dark.suitable == pytest.approx(0.99 * _daylight_probability(5.0), rel=1e-5)
+    assert dark.suitable == pytest.approx(0.99 / (1 + 2.0 ** (2.5 * (8.0 - 5.0))), rel=1e-5)
     assert dark.evidence == ("pixels", "camera exposure", "other photos")
 
 

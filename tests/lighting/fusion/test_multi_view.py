@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.fusion.multi_view import _ELEVATION_CORRELATION, _RELATIVE_HEADING_STD, _frames, fuse_views
+from lighting.fusion.multi_view import _frames, fuse_views
 from lighting.fusion.pooling import (
     SUN_CORRELATION,
     Correlation,
@@ -23,6 +23,9 @@ from lighting.geometry import Floats, direction, wrap_azimuth
 from lighting.prediction import Prediction
 from lighting.registration.photo_set import RegisteredView
 from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
+
+ELEVATION_CORRELATION = 0.6  # of two photos of one place
+RELATIVE_HEADING_STD = 10.0  # deg
 
 NOTHING = [Observations()] * 3
 COMPASS = [Observations(heading=h) for h in (350.0, 20.0, 90.0)]
@@ -105,10 +108,10 @@ def test_overlap_falls_from_one_to_nothing() -> None:
 
 
 def test_correlated_photos_count_as_fewer() -> None:
-    assert pooling_exponent(1, _ELEVATION_CORRELATION) == 1.0
+    assert pooling_exponent(1, ELEVATION_CORRELATION) == 1.0
     assert pooling_exponent(4, 0.0) == 1.0
     assert pooling_exponent(4, 1.0) == 0.25
-    assert 8 * pooling_exponent(8, _ELEVATION_CORRELATION) < 1 / _ELEVATION_CORRELATION
+    assert 8 * pooling_exponent(8, ELEVATION_CORRELATION) < 1 / ELEVATION_CORRELATION
 
 
 def placed(*groups: int) -> list[RegisteredView]:
@@ -133,8 +136,8 @@ def test_the_compass_joins_groups_that_matches_leave_apart() -> None:
     assert not found.group.any()
     assert found.heading - found.heading[0] == pytest.approx([0.0, 10.0, 90.0], abs=10.0)
     assert found.heading[1] - found.heading[0] == pytest.approx(10.0)
-    assert found.heading_std[2] == pytest.approx(np.hypot(0.3, _RELATIVE_HEADING_STD))
-    assert found.heading_std[:2] == pytest.approx([np.hypot(0.3, _RELATIVE_HEADING_STD / np.sqrt(2))] * 2)
+    assert found.heading_std[2] == pytest.approx(np.hypot(0.3, RELATIVE_HEADING_STD))
+    assert found.heading_std[:2] == pytest.approx([np.hypot(0.3, RELATIVE_HEADING_STD / np.sqrt(2))] * 2)
 
 
 def test_without_any_each_photo_is_alone() -> None:

@@ -14,7 +14,6 @@ from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import (
-    _CAMERA_ELEVATION_STD,
     COMPASS_OUTLIER_RATE,
     Gravity,
     Observations,
@@ -179,7 +178,7 @@ def test_both_are_weighted_by_their_errors() -> None:
     assert _fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
     assert _fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
     assert _fused_tilt(camera_prediction(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
-    assert camera_elevation_std(None) == _CAMERA_ELEVATION_STD
+    assert camera_elevation_std(None) == 3.5
     assert camera_elevation_std(Gravity(0.0, 0.0, 1.0)) == pytest.approx((1.0 + 3.5**-2.0) ** -0.5)
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
 from lighting.geometry import camera_axes
-from lighting.photo.camera import PhotoFrame, _PhotoLens, read_lens, vertical_fov_from_focal_length
+from lighting.photo.camera import PhotoFrame, PhotoLens, read_lens, vertical_fov_from_focal_length
 from lighting.photo.imu import _rotate_to_upright
 from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import upright_pixels
@@ -45,7 +45,7 @@ def cropped(left: float, top: float, right: float, bottom: float, **settings: st
     return {f"{CRS} {name}": value for name, value in values.items()}
 
 
-def fov_of(lens: _PhotoLens) -> float:
+def fov_of(lens: PhotoLens) -> float:
     (fov,) = lens.vertical_fovs
     return fov
 

@@ -13,15 +13,7 @@ from PIL import ExifTags, Image
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.pixels import make_upright
 from lighting.photo.reader import read_photo
-from lighting.photo.tiff import (
-    _MAX_EXIF_NUMBER_BYTES,
-    _MAX_PAGES,
-    _MAX_TAGS,
-    embedded_preview,
-    is_moderate,
-    is_raw,
-    photo_page,
-)
+from lighting.photo.tiff import embedded_preview, is_moderate, is_raw, photo_page
 from tests.conftest import encode, munich, scene
 from tests.helpers.photos import (
     PHOTOMETRIC_TAG,
@@ -33,6 +25,10 @@ from tests.helpers.photos import (
     tiff,
     tiff_with_exif_behind_thumbnail,
 )
+
+MAX_EXIF_NUMBER_BYTES = 65_536
+MAX_PAGES = 16
+MAX_TAGS = 1000
 
 REDUCED = {SUBFILE_TAG: 1}
 
@@ -126,7 +122,7 @@ def test_the_picture_s_size_is_what_is_limited() -> None:
 
 
 @pytest.mark.parametrize("following", [8, 0xFFFFFFFF, 1, 0])
-@pytest.mark.parametrize("values", [1, _MAX_PAGES, 0xFFFFFFFF])
+@pytest.mark.parametrize("values", [1, MAX_PAGES, 0xFFFFFFFF])
 def test_pages_that_lead_nowhere_end(following: int, values: int) -> None:
     entries = (SUBFILE_TAG, 4, 1, 1), (SUBDIRECTORY_TAG, 4, values, 8)
     assert photo_page(b"II*\0\x08\0\0\0" + directory("<", *entries, following=following)) is None
@@ -283,7 +279,7 @@ def exif_block(tags: int, numbers: int, pointer: int = ExifTags.IFD.Exif) -> byt
     return b"II*\0\x08\0\0\0" + b"".join(directories) + b"2024:06:01 09:10:00\0" + b"\1\0\0\0" * 2 * numbers
 
 
-COSTLY = [exif_block(_MAX_TAGS, 1), exif_block(1, _MAX_EXIF_NUMBER_BYTES // 8 + 1), exif_block(900, 5000)]
+COSTLY = [exif_block(MAX_TAGS, 1), exif_block(1, MAX_EXIF_NUMBER_BYTES // 8 + 1), exif_block(900, 5000)]
 
 
 @pytest.mark.parametrize("file_format", ["WEBP", "PNG", "AVIF", "JPEG"])
@@ -291,13 +287,13 @@ COSTLY = [exif_block(_MAX_TAGS, 1), exif_block(1, _MAX_EXIF_NUMBER_BYTES // 8 + 
 def test_a_costly_exif_block_counts_as_absent(file_format: str, block: bytes) -> None:
     photo = read_photo(encode(scene(64, 48), file_format, exif=b"Exif\0\0" + block))
     assert photo.metadata.local_time is None
-    modest = b"Exif\0\0" + exif_block(_MAX_TAGS - 1, 1)
+    modest = b"Exif\0\0" + exif_block(MAX_TAGS - 1, 1)
     assert read_photo(encode(scene(64, 48), file_format, exif=modest)).metadata.local_time is not None
 
 
 @pytest.mark.parametrize("pointer", [ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo])
 def test_what_is_costly(pointer: int) -> None:
-    for tags, numbers in ((_MAX_TAGS - 1, 8), (1, _MAX_EXIF_NUMBER_BYTES // 8), (0, 0)):
+    for tags, numbers in ((MAX_TAGS - 1, 8), (1, MAX_EXIF_NUMBER_BYTES // 8), (0, 0)):
         assert is_moderate(exif_block(tags, numbers, pointer))
     for block in COSTLY:
         for start in (b"II*\0", b"II\0*"):  # Pillow reads both
@@ -337,6 +333,6 @@ def test_a_tiff_with_costly_exif_is_read_without_it() -> None:
 
 
 def test_a_tiff_of_very_many_tags_is_refused() -> None:
-    tags = b"".join(struct.pack("<HHII", 30_000 + i, 4, 1, 0) for i in range(_MAX_TAGS + 1))
+    tags = b"".join(struct.pack("<HHII", 30_000 + i, 4, 1, 0) for i in range(MAX_TAGS + 1))
     with pytest.raises(PhotoError, match=r"more tags, or more numbers in them, than any camera or editor writes\.$"):
-        read_photo(b"II*\0\x08\0\0\0" + struct.pack("<H", _MAX_TAGS + 1) + tags + bytes(4))
+        read_photo(b"II*\0\x08\0\0\0" + struct.pack("<H", MAX_TAGS + 1) + tags + bytes(4))

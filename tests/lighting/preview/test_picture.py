@@ -19,35 +19,30 @@ from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
 from lighting.photo_estimate import Estimate
 from lighting.preview import picture as module
+from lighting.preview.compass import _density, _draw_density, dome_pixels, draw_compass
 from lighting.preview.drawing import BACKGROUND, MUTED, TEXT, TextStyle, text_width
 from lighting.preview.picture import (
-    _CAPTION,
-    _GAP,
-    _LETTERS,
-    _MARGIN,
-    _WARNING_LINE,
     PREVIEW_WIDTH,
-    _circle_around_sun,
-    _density,
-    _draw_compass,
-    _draw_density,
     _draw_headline,
     _draw_map_panel,
     _draw_photo_panel,
-    _draw_regions,
     _format_numbers,
     _format_photo_caption,
-    _frame_directions,
     _lay_out,
     _note_lines,
-    _on_dome,
-    _split_at_seam,
     draw_preview_pixels,
 )
+from lighting.preview.regions import circle_around_sun, draw_regions, frame_directions, split_at_seam
 from lighting.records import EvidenceKind, Lighting
 from lighting.sun_grid import grid_directions, soft_label
 from tests.conftest import scene
 from tests.helpers.scenes import GRAY, GRID, Bytes, amber, distribution, estimate, outdoors, photo, small_map
+
+CAPTION = 32  # pixels: above each panel
+GAP = 24  # between panels
+LETTERS = 18
+MARGIN = 40  # around all
+WARNING_LINE = 26
 
 
 def draw(lighting: Lighting, width: int = 320, height: int = 240, probability: Floats | None = None) -> Bytes:
@@ -90,10 +85,10 @@ def test_any_shape_of_photo_has_its_place(width: int, height: int) -> None:
 def test_warnings_move_the_panels_down_and_change_nothing_else(width: int, height: int) -> None:
     plain = draw(outdoors(100.0, 30.0), width, height)
     warned = draw(outdoors(100.0, 30.0, warnings=("The photo may be cropped.",)), width, height)
-    top = _lay_out(width / height, 9).photo.y - _CAPTION
-    assert np.array_equal(warned[top + _WARNING_LINE :], plain[top:])
-    assert np.array_equal(warned[: top - _WARNING_LINE], plain[: top - _WARNING_LINE])
-    assert (warned[top - _WARNING_LINE : top + _WARNING_LINE] != np.array(BACKGROUND)).any()
+    top = _lay_out(width / height, 9).photo.y - CAPTION
+    assert np.array_equal(warned[top + WARNING_LINE :], plain[top:])
+    assert np.array_equal(warned[: top - WARNING_LINE], plain[: top - WARNING_LINE])
+    assert (warned[top - WARNING_LINE : top + WARNING_LINE] != np.array(BACKGROUND)).any()
 
 
 def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
@@ -163,7 +158,7 @@ def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
     assert lines[0] == f"Warning: {short}"
     assert " ".join(lines[1:]) == f"Warning: {long.strip()}"
     assert len(lines) > 3
-    assert max(text_width(line, 18) for line in lines) <= PREVIEW_WIDTH - 2 * _MARGIN
+    assert max(text_width(line, 18) for line in lines) <= PREVIEW_WIDTH - 2 * MARGIN
     assert _note_lines(outdoors()) == []
 
 
@@ -175,7 +170,7 @@ def test_the_title_leaves_room_for_what_is_beside_it(
     written: dict[float, float] = {}  # width of the first line's text by its x
 
     def write(_canvas: Image.Image, spot: tuple[float, float], text: str, style: TextStyle) -> None:
-        if spot[1] < _MARGIN + 20:
+        if spot[1] < MARGIN + 20:
             written[spot[0]] = text_width(text, style.size)
 
     monkeypatch.setattr(module, "draw_text", write)
@@ -183,7 +178,7 @@ def test_the_title_leaves_room_for_what_is_beside_it(
     of_several = tuple(kind for kind in EvidenceKind if kind not in drawn)
     sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=of_several, camera_heading=115.0)
     _draw_headline(Image.new("RGB", (PREVIEW_WIDTH, 140)), sun)
-    assert written[_MARGIN] + _GAP + written[PREVIEW_WIDTH - _MARGIN] <= PREVIEW_WIDTH - 2 * _MARGIN
+    assert written[MARGIN] + GAP + written[PREVIEW_WIDTH - MARGIN] <= PREVIEW_WIDTH - 2 * MARGIN
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(60.0, 30.0), (-60.0, 30.0), (135.0, 20.0), (0.0, 60.0)])
@@ -212,7 +207,7 @@ def test_even_probability_is_colder_than_a_sure_one() -> None:
 
 def test_sun_is_marked_at_its_place_on_the_compass() -> None:
     size = 500
-    panel = np.asarray(_draw_compass(estimate(outdoors(70.0, 30.0)), 4 / 3, size))
+    panel = np.asarray(draw_compass(estimate(outdoors(70.0, 30.0)), 4 / 3, size))
     spot = (amber(panel.astype(np.int64)).mean(axis=0) - size / 2) / (size / 2 - 44)
     reach = (90 - 30) / 90
     expected = (-reach * np.cos(np.radians(70.0)), reach * np.sin(np.radians(70.0)))
@@ -223,7 +218,7 @@ def test_sun_is_marked_at_its_place_on_the_compass() -> None:
 def test_the_rings_degrees_are_not_where_the_regions_have_their_shares(azimuth: float) -> None:
     """Those stand on the sun's meridian, also beyond the zenith."""
     size = 500
-    panel = np.asarray(_draw_compass(estimate(outdoors(azimuth, 10.0)), 4 / 3, size)).astype(np.int64)
+    panel = np.asarray(draw_compass(estimate(outdoors(azimuth, 10.0)), 4 / 3, size)).astype(np.int64)
     letters = np.argwhere(np.abs(panel - np.array(TEXT)).max(axis=-1) < 8) - size / 2
     letters = letters[np.hypot(*letters.T) < 0.75 * (size / 2 - 44)]
     assert len(letters) > 20
@@ -235,7 +230,7 @@ def test_the_rings_degrees_are_not_where_the_regions_have_their_shares(azimuth: 
 def test_a_sun_on_the_horizon_does_not_touch_the_word_beside_it(azimuth: float) -> None:
     size = 500
     low, high = (
-        np.asarray(_draw_compass(estimate(outdoors(azimuth, elevation)), 4 / 3, size)).astype(np.int64)
+        np.asarray(draw_compass(estimate(outdoors(azimuth, elevation)), 4 / 3, size)).astype(np.int64)
         for elevation in (0.0, 60.0)
     )
     words = np.array([MUTED if azimuth else TEXT])
@@ -251,7 +246,7 @@ def test_no_region_strikes_the_degrees_out() -> None:
     counts = []
     for radius_90 in (25.0, 54.0):
         lighting = outdoors(0.0, 45.0, radius_50=10.0, radius_90=radius_90)
-        panel = np.asarray(_draw_compass(estimate(lighting), 4 / 3, size)).astype(np.int64)
+        panel = np.asarray(draw_compass(estimate(lighting), 4 / 3, size)).astype(np.int64)
         columns = slice(round(size / 2 + radius / 3 + 4), round(size / 2 + radius / 3 + 40))
         degrees = panel[size // 2 - 18 : size // 2 - 2, columns]
         counts.append(int((np.abs(degrees - np.array(TEXT)).max(axis=-1) < 8).sum()))
@@ -265,7 +260,7 @@ def test_panels_do_not_overlap(aspect: float, warnings: int) -> None:
     covered = np.zeros((plan.height, PREVIEW_WIDTH), dtype=np.int64)
     for box in (plan.photo, plan.compass, plan.envmap, plan.spheres):
         assert min(box.width, box.height) > 300
-        assert box.x + box.width <= PREVIEW_WIDTH - _MARGIN
+        assert box.x + box.width <= PREVIEW_WIDTH - MARGIN
         covered[box.y : box.y + box.height, box.x : box.x + box.width] += 1
     assert covered.max() == 1
     for x, y in plan.cells:
@@ -368,13 +363,13 @@ def test_the_caption_names_what_is_seen(elevation: float, fov: float, balls: boo
 @pytest.mark.parametrize("aspect", [0.2, 0.5, 9 / 16, 2 / 3, 1.0, 3.0])
 def test_the_caption_is_no_wider_than_the_panel(aspect: float) -> None:
     width = _lay_out(aspect, 9).photo.width
-    assert text_width(_format_photo_caption(Pinhole(400, 300, 50.0), width, balls=True), _LETTERS) <= width
+    assert text_width(_format_photo_caption(Pinhole(400, 300, 50.0), width, balls=True), LETTERS) <= width
 
 
 @pytest.mark.parametrize("radius", [0.5, 30.0, 110.0])
 def test_a_region_has_its_radius_all_around_the_sun(radius: float) -> None:
     lighting = outdoors(40.0, 20.0)
-    rim = _circle_around_sun(lighting, radius)
+    rim = circle_around_sun(lighting, radius)
     np.testing.assert_allclose(angle_between(rim, lighting.sun_direction), radius, atol=1e-9)
     assert np.argmin(rim[:, 1]) in (0, 360)
     assert np.argmax(rim[:, 1]) == 180
@@ -382,7 +377,7 @@ def test_a_region_has_its_radius_all_around_the_sun(radius: float) -> None:
 
 def test_the_frame_runs_along_the_photos_border() -> None:
     lighting = outdoors(camera_elevation=7.0, camera_roll=3.0, vertical_fov=50.0)
-    frame = _frame_directions(lighting, 4 / 3)
+    frame = frame_directions(lighting, 4 / 3)
     x, y = camera_pixel(frame, Pinhole(400, 300, 50.0, elevation=7.0, roll=3.0)).T
     on_border = np.minimum(np.minimum(x, 400 - x), np.minimum(y, 300 - y))
     np.testing.assert_allclose(on_border, 0.0, atol=1e-9)
@@ -391,7 +386,7 @@ def test_the_frame_runs_along_the_photos_border() -> None:
 
 def test_a_line_is_cut_where_it_crosses_the_seam() -> None:
     line = np.array([[90.0, 1], [96, 2], [99, 3], [2, 4], [5, 5], [98, 6]])
-    assert [len(piece) for piece in _split_at_seam(line, 100.0)] == [3, 2]  # a single point is no line
+    assert [len(piece) for piece in split_at_seam(line, 100.0)] == [3, 2]  # a single point is no line
 
 
 @pytest.mark.parametrize("radii", [(7.0, 10.0), (13.0, 24.0), (20.0, 30.0)])
@@ -402,11 +397,11 @@ def test_the_shares_of_regions_do_not_cover_each_other(
 ) -> None:
     written: dict[str, NDArray[np.float64]] = {}
     monkeypatch.setattr(
-        "lighting.preview.picture.draw_text_inside",
+        "lighting.preview.regions.draw_text_inside",
         lambda picture, spot, share, size, color: written.__setitem__(share, np.asarray(spot)),  # noqa: ARG005
     )
     lighting = replace(outdoors(azimuth, elevation), radius_50=radii[0], radius_90=radii[1])
-    _draw_regions(Image.new("RGB", (480, 480)), lighting, lambda directions: _on_dome(directions, 480, 196))
+    draw_regions(Image.new("RGB", (480, 480)), lighting, lambda directions: dome_pixels(directions, 480, 196))
     across, down = np.abs(written["50 %"] - written["90 %"])
     assert across >= text_width("90 %", 15) or down >= 15
 

@@ -11,11 +11,11 @@ import pytest
 from export.reports.probe import (
     SKY_DAY,
     SKY_PLACE,
-    _BracketCamera,
-    _clear_sky_at,
-    _expose_bracket,
-    _photograph_sky,
+    BracketCamera,
     _rotation_between,
+    clear_sky_at,
+    expose_bracket,
+    photograph_sky,
 )
 from lighting.envmap.render import render, sun_light
 from lighting.errors import ProbeError
@@ -107,8 +107,8 @@ AZIMUTH, ELEVATION = (grid.ravel() for grid in np.meshgrid(np.arange(0.0, 360.0,
 
 def bracket(moment: Moment = MORNING, fill: float = 0.8, tilt: float = 0.0, yaw: float = 40.0) -> Bracket:
     lens = make_lens("equidistant", SIDE, SIDE)
-    picture = _photograph_sky(_clear_sky_at(moment), lens, rotation(tilt, yaw))
-    return make_bracket(_expose_bracket(picture, _BracketCamera(14, fill), np.random.default_rng(0), TIMES))
+    picture = photograph_sky(clear_sky_at(moment), lens, rotation(tilt, yaw))
+    return make_bracket(expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(0), TIMES))
 
 
 def rotation(tilt: float, yaw: float) -> np.ndarray:
@@ -182,7 +182,7 @@ def test_night_and_skies_without_sun_are_refused() -> None:
     with pytest.raises(ProbeError, match="it is night"):
         make_probe(bracket(), Moment(SKY_DAY + timedelta(hours=14), *SKY_PLACE), SETTINGS)
     grey = make_bracket(
-        _expose_bracket(np.full((SIDE, SIDE, 3), 1.0, np.float32), _BracketCamera(14), np.random.default_rng(0))
+        expose_bracket(np.full((SIDE, SIDE, 3), 1.0, np.float32), BracketCamera(14), np.random.default_rng(0))
     )
     with pytest.raises(ProbeError, match="No sun is found"):
         make_probe(grey, MORNING, SETTINGS)

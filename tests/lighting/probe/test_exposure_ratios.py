@@ -11,7 +11,7 @@ from lighting.errors import ProbeError
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import make_bracket
 from lighting.probe.exposure_ratios import (
-    _ExposureRatio,
+    ExposureRatio,
     _measure_ratio,
     dilate,
     max_terraced_value,
@@ -136,6 +136,6 @@ def test_values_that_are_all_the_same_tell_a_ratio_where_they_are_many_steps(lev
 
 
 def test_a_ratio_of_few_or_scattered_values_is_not_sure() -> None:
-    assert _ExposureRatio(4.0, 0.01, 2000).is_sure
-    assert not _ExposureRatio(4.0, 0.01, 200).is_sure
-    assert not _ExposureRatio(7.6, 0.11, 8000).is_sure
+    assert ExposureRatio(4.0, 0.01, 2000).is_sure
+    assert not ExposureRatio(4.0, 0.01, 200).is_sure
+    assert not ExposureRatio(7.6, 0.11, 8000).is_sure

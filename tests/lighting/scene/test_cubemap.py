@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.envmap.latlong import FACES, _cubemap_directions
+from lighting.envmap.latlong import FACES
 from lighting.files.radiance_hdr import decode_hdr
 from lighting.geometry import sample_latlong
 from lighting.light_probe import shader_harmonics
 from lighting.scene import CUBE_FACES
 from lighting.scene.cubemap import _encode_ktx1, _encode_ktx2, write_cubemap, write_filament
 from tests.helpers.requirements import require
-from tests.helpers.scenes import sunlit_scene
+from tests.helpers.scenes import cube_directions, sunlit_scene
 
 
 def test_the_faces_are_the_map(tmp_path: Path) -> None:
@@ -26,7 +26,7 @@ def test_the_faces_are_the_map(tmp_path: Path) -> None:
     write_cubemap(scene, tmp_path)
     assert CUBE_FACES == FACES
     faces = np.array([decode_hdr((tmp_path / f"{name}.hdr").read_bytes()) for name in FACES])
-    shown = sample_latlong(scene.environment, _cubemap_directions(faces.shape[1]))
+    shown = sample_latlong(scene.environment, cube_directions(faces.shape[1]))
     assert (np.abs(faces - shown) <= np.maximum(0.02 * np.abs(shown), 0.02)).all()
     assert (tmp_path / "environment.ktx2").read_bytes().startswith(b"\xabKTX 20")
 

@@ -13,13 +13,12 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.envmap.latlong import _cubemap_directions
 from lighting.geometry import sample_latlong
-from lighting.light_probe import CONDON_SHORTLEY, _harmonics_basis, irradiance_from_harmonics
+from lighting.light_probe import CONDON_SHORTLEY, irradiance_from_harmonics
 from lighting.scene import gltf
 from tests.helpers.predictions import UNIT_NORMALS
 from tests.helpers.requirements import require
-from tests.helpers.scenes import sunlit_scene
+from tests.helpers.scenes import cube_directions, harmonics, sunlit_scene
 
 NOTED = {"IMAGE_NPOT_DIMENSIONS", "UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"}  # a photo's size; what it does not know
 
@@ -166,7 +165,7 @@ def test_the_map_lights_by_its_irradiance(tmp_path: Path) -> None:
     assert light["intensity"] == 1.0  # written, too: left out, Babylon.js shows black; another squares diffuse light
     irradiance = np.array(light["irradianceCoefficients"])
     in_babylon = UNIT_NORMALS * [-1, 1, 1]  # its left-handed frame, turned as its loader turns it
-    values = _harmonics_basis(in_babylon) @ (CONDON_SHORTLEY[:, None] * irradiance)
+    values = harmonics(in_babylon) @ (CONDON_SHORTLEY[:, None] * irradiance)
     assert values == pytest.approx(irradiance_from_harmonics(scene.light_probe.coefficients, UNIT_NORMALS), rel=1e-4)
 
 
@@ -185,7 +184,7 @@ def test_the_maps_mirror_images_are_its_pictures(tmp_path: Path) -> None:
         pixels = np.array(pictures)
         sizes.append(pixels.shape[1])
         radiance = (pixels[..., :3] ** 2.2 / pixels[..., 3:]) ** 2.2
-        shown = sample_latlong(scene.environment, _cubemap_directions(sizes[-1]) * [-1, 1, 1])
+        shown = sample_latlong(scene.environment, cube_directions(sizes[-1]) * [-1, 1, 1])
         if level == 0:
             assert (np.abs(radiance - shown) <= np.maximum(0.03 * np.abs(shown), 0.02)).all()
         assert radiance.mean() == pytest.approx(shown.mean(), rel=0.03)

@@ -1,5 +1,7 @@
 """Clear skies and their suns against Mitsuba's, the published formula, and the Prague model's own data set."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,6 @@ from lighting.geometry import SUN_RADIUS, Floats, angle_between, direction, latl
 from lighting.sky import SKY_MODELS, Weather, format_sky_models, sky_angles, sky_shape
 from lighting.sky.clear_sky import (
     SUN_SOLID_ANGLE,
-    _visibility_from_turbidity,
     prague_radiance,
     sky_coefficients,
     sky_parameters,
@@ -19,11 +20,15 @@ from lighting.sky.clear_sky import (
     sun_radiance,
 )
 from lighting.sky.perez import perez_weather
-from tests.data.prague_reference import ELEVATIONS, TURBIDITIES, VISIBILITIES
-from tests.data.prague_reference import REFERENCE as PRAGUE_REFERENCE
 from tests.data.sky_reference import REFERENCE, cases, disc_directions, mitsuba_radiance, sky_directions
 
 SUN = direction(25.0, 33.0)
+
+# Radiances of the Prague sky model by its own data set, which tests/data/prague_reference.py of commit de718dbf made.
+PRAGUE_REFERENCE = Path(__file__).parents[2] / "data" / "prague_reference.npz"
+TURBIDITIES = (3.0, 4.0, 6.0, 8.5, 10.0)
+VISIBILITIES = (131.8, 131.8, 70.29972, 32.04434, 20.0)  # km, of the turbidities
+ELEVATIONS = (-4.2, -3.1, -1.5, -0.5, 0.0, 1.0, 3.0, 5.23, 8.0, 14.0, 18.64, 27.17, 36.71, 47.16, 83.34, 90.0)  # deg
 
 
 @pytest.fixture(scope="module")
@@ -215,10 +220,11 @@ def test_the_table_is_the_data_set_within_a_tenth_of_a_stop(data_set: dict[str, 
     assert np.median(stops, axis=(0, 2, 3)).max() < 0.02  # of each sun
 
 
-def test_turbidity_maps_to_visibility() -> None:
-    visibilities = [_visibility_from_turbidity(turbidity) for turbidity in TURBIDITIES]
-    assert visibilities == pytest.approx(VISIBILITIES, rel=1e-4)
-    assert _visibility_from_turbidity(1.0) == _visibility_from_turbidity(4.0) == 131.8
+def test_the_clearest_sky_of_the_table_is_that_of_turbidity_4() -> None:
+    rays = latlong_directions(16)[:8]
+    clearest, four, five = (prague_radiance(rays, SUN, turbidity) for turbidity in (1.0, 4.0, 5.0))
+    assert np.array_equal(clearest, four)
+    assert not np.allclose(five, four, rtol=0.01)
 
 
 @pytest.mark.parametrize("elevation", np.arange(-4.2, 90.1, 2.9))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,14 @@ from lighting.fusion.user_input import UserInput
 from lighting.photo.linear import read_linear
 from lighting.stereo.camera_motion import check_static_camera, moved_names
 from lighting.stereo.capture import _light_varies, _read_day_photo, read_day_photos, read_nearest_skies
-from lighting.stereo.light_vectors import CLEAR_TURBIDITY, Skies, _overcast_skies, clear_skies, sun_directions
+from lighting.stereo.light_vectors import (
+    CLEAR_TURBIDITY,
+    ClockLocation,
+    Skies,
+    clear_skies,
+    modelled_day,
+    sun_directions,
+)
 from lighting.stereo.output import _write_picture, _write_png16
 from lighting.stereo.pose import Pose
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
@@ -347,11 +354,17 @@ def clear(times: np.ndarray = JUNE) -> Skies:
     return clear_skies(sun_directions(times, LATITUDE, 0.0), CLEAR_TURBIDITY, 0.3, 32)
 
 
+def overcast() -> Skies:
+    """Eight skies of an overcast day in June."""
+    skies = modelled_day(ClockLocation(LATITUDE, 0.0, 0.0), date(2024, 6, 21), "overcast", coarse=True).skies
+    return skies.at(np.linspace(0, len(skies) - 1, 8).astype(np.intp))
+
+
 @pytest.mark.parametrize("noise", [0.001, 0.01])
 def test_a_clear_day_is_varied_and_an_overcast_one_is_not(noise: float) -> None:
     normals, mask, _ = ball()
     assert _light_varies(photos(normals, mask, clear(), Pose(), noise), mask)
-    assert not _light_varies(photos(normals, mask, _overcast_skies(clear()), Pose(), noise), mask)
+    assert not _light_varies(photos(normals, mask, overcast(), Pose(), noise), mask)
 
 
 def test_two_hours_of_a_clear_day_are_varied() -> None:

@@ -1,24 +1,26 @@
 """Mean light vectors, and modelled skies."""
 
+from datetime import date
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from lighting.envmap.latlong import row_irradiance
 from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.errors import EnvironmentMapError, ParameterError
-from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions
+from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_angles, latlong_directions
 from lighting.records import Lighting
 from lighting.sky.clear_sky import sun_disc_points
 from lighting.stereo.light_vectors import (
+    ClockLocation,
     Skies,
-    _broken_skies,
-    _horizontal_irradiance,
-    _overcast_skies,
+    Weather,
     clear_skies,
     draw_sunshine,
     illumination_matrices,
+    modelled_day,
     skies_from_maps,
     sky_light_vectors,
     sun_directions,
@@ -38,6 +40,13 @@ def mean_light(envmap: NDArray[np.floating[Any]], normals: ArrayLike, sun_direct
     else:
         skies = skies_from_maps(image, np.asarray(sun_direction, dtype=np.float64)[None])
     return np.asarray(illumination_matrices(skies, normals)[..., 0, :, :])
+
+
+def level_light(radiance: NDArray[np.floating[Any]]) -> Floats:
+    """Irradiance (T, C) of level ground by the upper halves of maps (T, H, 2H, C)."""
+    half = radiance.shape[1] // 2
+    levels = row_irradiance(radiance.shape[1])[:half]
+    return np.asarray(np.einsum("r,trcx->tx", levels, radiance[:, :half]) / radiance.shape[2])
 
 
 def normals(count: int, seed: int = 1) -> Floats:
@@ -146,41 +155,47 @@ def test_clear_skies_have_the_irradiances_of_the_environment_map() -> None:
         light = Lighting(sun_azimuth=azimuth, sun_elevation=elevation, turbidity=3.0, exposure=1.0)
         # 64 rows of the sky and 192 points of the disc
         np.testing.assert_allclose(skies.sun_irradiance[i], sun_light(light)[0], rtol=3e-3)
-        np.testing.assert_allclose(_horizontal_irradiance(skies.radiance[i, :32]), sky_irradiance(light), rtol=3e-3)
+        np.testing.assert_allclose(level_light(skies.radiance[i : i + 1])[0], sky_irradiance(light), rtol=3e-3)
 
 
 def test_level_ground_sees_its_horizontal_irradiance() -> None:
     skies = clear_skies(SUNS)
     bright = np.einsum("tkc,k->tc", illumination_matrices(skies, [0, 1, 0]), [0.0, 1, 0])
-    level = _horizontal_irradiance(skies.radiance[:, :32]) + skies.sun_irradiance * SUNS[:, 1:2]
+    level = level_light(skies.radiance) + skies.sun_irradiance * SUNS[:, 1:2]
     np.testing.assert_allclose(bright, level / np.pi, rtol=2e-3)
     np.testing.assert_allclose(skies.radiance[:, -1, 0], 0.3 * bright, rtol=2e-3)  # ground of albedo 0.3, lit by it
 
 
+def modelled(weather: Weather) -> Skies:
+    return modelled_day(ClockLocation(47.5, 9.75, 1.0), date(2026, 6, 21), weather, coarse=True).skies
+
+
 def test_overcast_skies_follow_the_cie_and_hold_a_quarter_of_the_light() -> None:
-    clear = clear_skies(SUNS)
-    dull = _overcast_skies(clear)
+    clear, dull = modelled("clear"), modelled("overcast")
     assert not dull.sun_irradiance.any()
-    zenith, horizon = dull.radiance[:, 0].mean(axis=1), dull.radiance[:, 31].mean(axis=1)
-    np.testing.assert_allclose(zenith / horizon, 3.0, rtol=0.06)  # the lowest row's centre is 1.4 deg up
-    up = np.array([0.0, 1.0, 0.0])
-    bright = [np.einsum("tkc,k->tc", illumination_matrices(skies, up), up) for skies in (clear, dull)]
+    rows = dull.radiance.shape[1] // 2
+    up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
+    sky = dull.radiance[:, :rows].mean(axis=(2, 3))
+    np.testing.assert_allclose(sky / sky[:, :1], np.broadcast_to((1 + 2 * up) / (1 + 2 * up[0]), sky.shape), rtol=1e-4)
+    level = np.array([0.0, 1.0, 0.0])
+    bright = [np.einsum("tkc,k->tc", illumination_matrices(skies, level), level) for skies in (clear, dull)]
     np.testing.assert_allclose(bright[1], 0.25 * bright[0], rtol=5e-3)
 
 
 def test_an_overcast_day_turns_no_mean_light_vector() -> None:
-    vectors = illumination_matrices(_overcast_skies(clear_skies(SUNS)), direction(40.0, 30.0))[..., 1]
+    vectors = illumination_matrices(modelled("overcast"), direction(40.0, 30.0))[..., 0]
     unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    np.testing.assert_allclose(unit, unit[:1].repeat(3, axis=0), atol=1e-5)
+    np.testing.assert_allclose(unit, unit[:1].repeat(len(unit), axis=0), atol=1e-5)
 
 
 def test_broken_skies_hide_the_sun_in_some_spells() -> None:
-    clear = clear_skies(SUNS)
-    skies = _broken_skies(clear, [True, False, True])
-    np.testing.assert_array_equal(skies.sun_irradiance[1], 0)
-    np.testing.assert_array_equal(skies.sun_irradiance[[0, 2]], clear.sun_irradiance[[0, 2]])
-    level = _horizontal_irradiance(skies.radiance[:, :32]) + skies.sun_irradiance * SUNS[:, 1:2]
-    np.testing.assert_allclose(skies.radiance[:, -1, 0], 0.3 / np.pi * level, rtol=1e-5)
+    """Half of a day's skies are those of spells without the sun, the others those with it."""
+    clear, skies = modelled("clear"), modelled("mixed")
+    count = len(clear)
+    np.testing.assert_array_equal(skies.sun_irradiance[:count], 0)
+    np.testing.assert_array_equal(skies.sun_irradiance[count:], clear.sun_irradiance)
+    level = level_light(skies.radiance) + skies.sun_irradiance * skies.sun_direction[:, 1:2]
+    np.testing.assert_allclose(skies.radiance[:, -1, 0], 0.3 / np.pi * level, rtol=1e-4)
     assert draw_sunshine(2000, 10, seed=1, cover=0.3).mean() == pytest.approx(0.7, abs=0.01)
 
 

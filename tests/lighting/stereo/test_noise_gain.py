@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from export.stereo.noise_gain import _triplet
 from lighting.geometry import Floats
 from lighting.stereo.noise_gain import (
     angular_error,
@@ -17,6 +16,7 @@ from lighting.stereo.noise_gain import (
     rotation_free_gain,
     window_gram_inverses,
 )
+from tests.helpers.noise_study import triplet
 
 RNG = np.random.default_rng(0)
 
@@ -35,20 +35,20 @@ def test_three_orthogonal_unit_lights_gain_one_whichever_way_they_are_turned() -
 
 @pytest.mark.parametrize("lift", [15, 20, 30, 45, 60, 90])
 def test_an_hour_with_a_light_lifted_fifteen_degrees_gains_less_than_six(lift: float) -> None:
-    assert largest_gain(_triplet(15, lift)) < 6
-    assert largest_gain(_triplet(15, 10)) > 6
+    assert largest_gain(triplet(15, lift)) < 6
+    assert largest_gain(triplet(15, 10)) > 6
 
 
 def test_known_triplets() -> None:
-    assert largest_gain(_triplet(15, 15)) == pytest.approx(5.4, abs=0.05)
-    assert largest_gain(_triplet(30, 20)) < 4
-    assert largest_gain(_triplet(90, 90)) == pytest.approx(1.0)
+    assert largest_gain(triplet(15, 15)) == pytest.approx(5.4, abs=0.05)
+    assert largest_gain(triplet(30, 20)) < 4
+    assert largest_gain(triplet(90, 90)) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("lift", [75, 90])
 def test_an_hour_costs_five_to_seven_times_a_full_arc(lift: float) -> None:
     """With the third light nearly square to the solar plane, as broken cloud moves it; a lower one costs less."""
-    assert 5 < largest_gain(_triplet(15, lift)) / largest_gain(_triplet(90, lift)) < 7
+    assert 5 < largest_gain(triplet(15, lift)) / largest_gain(triplet(90, lift)) < 7
 
 
 def test_the_inverse_is_numpys() -> None:

@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lighting.checksum import DATA_FOLDER
 from lighting.errors import ModelError
+from lighting.onnx_session import packaged_network
 from lighting.stereo.light_vectors import clear_skies, gray_skies
-from lighting.stereo.normal_network import BY_IMAGE, SHARED, Network, NormalFeatures, _packaged_network, normal_features
+from lighting.stereo.normal_network import BY_IMAGE, SHARED, Network, NormalFeatures, normal_features
 from lighting.stereo.normal_search import make_candidates, search_normals
 from lighting.stereo.pose import Pose, world_to_camera
 from tests.helpers.skies import ball, june_suns, photos
@@ -51,7 +53,7 @@ def planes(images: int, height: int, width: int) -> NormalFeatures:
 
 
 def test_it_is_small() -> None:
-    assert _packaged_network().stat().st_size < 5e6
+    assert packaged_network(DATA_FOLDER, "normals").stat().st_size < 5e6
 
 
 @pytest.mark.parametrize(("images", "height", "width"), [(8, 40, 40), (3, 33, 61), (12, 24, 450)])

@@ -25,7 +25,7 @@ from lighting.stereo.planner import (
     plan_conditions,
     read_skies,
 )
-from lighting.stereo.schedule import PlanRequest, _SurfaceOrientation, format_clock
+from lighting.stereo.schedule import PlanRequest, SurfaceOrientation, format_clock
 
 JUNE = date(2026, 6, 21)
 
@@ -116,7 +116,7 @@ def test_questions_are_checked(wrong: dict[str, float]) -> None:
 
 
 def test_what_the_light_does_not_resolve_is_null() -> None:
-    found = _SurfaceOrientation("level", 0.0, 90.0, 90.0, np.inf, (0.123456, np.inf, 1.0)).to_dict()
+    found = SurfaceOrientation("level", 0.0, 90.0, 90.0, np.inf, (0.123456, np.inf, 1.0)).to_dict()
     assert found["gain"] is None
     assert found["interval_95"] == [0.1235, None, 1.0]
 

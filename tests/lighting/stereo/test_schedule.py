@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.stereo.noise_gain import CASES, CLOUDY, _choice, _spread_of_noise, _study
 from lighting.errors import EnvironmentMapError, ParameterError, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import direction, latlong_pixel, latlong_solid_angle
@@ -37,6 +36,7 @@ from lighting.stereo.schedule import (
     list_windows,
     normals_of_interest,
 )
+from tests.helpers.noise_study import CASES, CLOUDY, choice, spread_of_noise, study
 
 BREGENZ = ClockLocation(47.5, 9.75, 1.0)
 JUNE = date(2026, 6, 21)
@@ -98,7 +98,7 @@ def plan(
 @pytest.mark.parametrize("case", [CASES[1], CASES[2]], ids=lambda case: case.name)
 def test_noisy_pixels_scatter_as_planned(case: object) -> None:
     """Iterated least squares under light that depends on the normal found: within 5 %, 40 draws of 90 normals."""
-    components, turn = _spread_of_noise(case.light(coarse=True), 6, 0.001, 40)  # type: ignore[attr-defined]
+    components, turn = spread_of_noise(case.light(coarse=True), 6, 0.001, 40)  # type: ignore[attr-defined]
     assert components == pytest.approx(1, abs=0.05)
     assert turn == pytest.approx(1, abs=0.05)
 
@@ -111,7 +111,7 @@ def test_noisy_pixels_scatter_as_planned(case: object) -> None:
     ],
 )
 def test_the_first_choice_is_within_a_tenth_of_the_best_window(case: object) -> None:
-    chosen, best = _choice(_study(case, coarse=True), 6)  # type: ignore[arg-type]
+    chosen, best = choice(study(case, coarse=True), 6)  # type: ignore[arg-type]
     assert chosen <= 1.1 * best
 
 

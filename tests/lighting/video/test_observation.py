@@ -18,10 +18,10 @@ from lighting.sun_grid import soft_label
 from lighting.video import observation
 from lighting.video.observation import (
     MIN_LOOK_INTERVAL,
+    Dissolve,
+    DissolveDetector,
     FrameObservation,
     ShotLight,
-    _Dissolve,
-    _DissolveDetector,
     _is_mixture,
     estimate_frame,
     observe_shots,
@@ -46,8 +46,8 @@ def dissolving(mixed: int = MIXED, turn: float = 10.0) -> list[Pixels]:
     return [*first[:ALONE], *both, *second[mixed:]]
 
 
-def told(pictures: list[Pixels]) -> list[_Dissolve]:
-    dissolves = _DissolveDetector()
+def told(pictures: list[Pixels]) -> list[Dissolve]:
+    dissolves = DissolveDetector()
     found = [dissolves.take(frame) for frame in frames(pictures)]
     return [dissolve for dissolve in (*found, dissolves.finish()) if dissolve is not None]
 

@@ -17,7 +17,7 @@ from lighting.model import Model
 from lighting.registration.rotations import rotation_about, rotation_vector
 from lighting.video import tracking
 from lighting.video.observation import estimate_frame
-from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, Tracker, _BankKeyframe, _KeyframeBank
+from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, BankKeyframe, KeyframeBank, Tracker
 from lighting.video.tracking import FrameRotation, Keyframe
 from lighting.warning_codes import WarningCode
 from tests.helpers.cameras import poles
@@ -33,17 +33,17 @@ def around(count: int) -> list[Floats]:
     return [orientation(20.0 * (i % 18), 30.0 * (i // 18) - 30.0) for i in range(count)]
 
 
-def filled(chains: list[int]) -> _KeyframeBank:
-    bank = _KeyframeBank()
+def filled(chains: list[int]) -> KeyframeBank:
+    bank = KeyframeBank()
     for number, chain in enumerate(chains):
-        bank.add(_BankKeyframe(key(number), around(54)[number], chain))
+        bank.add(BankKeyframe(key(number), around(54)[number], chain))
     return bank
 
 
 def test_a_chain_has_one_keyframe_of_a_direction() -> None:
-    bank = _KeyframeBank()
+    bank = KeyframeBank()
     for number, chain in enumerate((FIRST_CHAIN, FIRST_CHAIN, 1)):
-        bank.add(_BankKeyframe(key(number), orientation(5.0 * number), chain))
+        bank.add(BankKeyframe(key(number), orientation(5.0 * number), chain))
     assert [kept.keyframe.number for kept in bank.keyframes] == [0, 2]
 
 

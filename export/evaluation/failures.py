@@ -1,0 +1,186 @@
+"""The worst crops, sorted by cause: as counts, as a CSV file and as a sheet of pictures.
+
+The sheet shows pictures of the data: it is for looking at failures, and never published.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import fill
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from export.data.panoramas import write_table
+from export.evaluation.metrics import (
+    FLIP,
+    Answers,
+    Truth,
+    azimuth_error,
+    elevation_error,
+    markdown_table,
+    sun_error,
+)
+from lighting.geometry import Floats, angle_between, angles, direction
+
+MAX_FAILURES = 50  # crops
+MAX_EACH = 3  # of one panorama, so that one odd picture does not fill the list
+WIDE_RADIUS = 30.0  # deg of radius_50 from which the network is not sure
+NEAR_ERROR = 22.5  # deg, an error that is no failure
+SUNSHINE = {1.0: "yes", 0.5: "partly", 0.0: "no"}
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One of the worst crops; angles in deg, azimuths relative to the camera."""
+
+    index: int  # of the crop
+    panorama: str
+    in_view: str
+    direct: str  # direct sunlight reaches the scene: "yes", "partly", "no" or "" where not known
+    sun: tuple[float, float]  # true azimuth and elevation
+    estimate: tuple[float, float]
+    radius_50: float
+    error: float
+    azimuth_error: float
+    elevation_error: float
+
+    @property
+    def cause(self) -> str:
+        """The first of CAUSES that holds."""
+        return next(name for name, (_, holds) in CAUSES.items() if holds(self))
+
+
+def _is_mirrored(f: Failure) -> bool:
+    return float(angle_between(direction(-f.estimate[0], f.estimate[1]), direction(*f.sun))) < NEAR_ERROR
+
+
+CAUSES: dict[str, tuple[str, Callable[[Failure], bool]]] = {  # the first that holds is the cause
+    "no sky": ("under a tenth of the frame looks above the horizon", lambda f: f.in_view == "no sky"),
+    "sun not shining": ("direct sunlight reaches the scene partly or not", lambda f: f.direct in ("partly", "no")),
+    "wide distribution": (
+        f"`radius_50` over {WIDE_RADIUS:g}°: the network is not sure",
+        lambda f: f.radius_50 > WIDE_RADIUS,
+    ),
+    "front-back flip": (f"azimuth off by more than {FLIP:g}°", lambda f: abs(f.azimuth_error) > FLIP),
+    "left-right mirror": (f"within {NEAR_ERROR:g}° once left and right are exchanged", _is_mirrored),
+    "elevation alone": (f"azimuth within {NEAR_ERROR:g}°", lambda f: abs(f.azimuth_error) < NEAR_ERROR),
+    "confident and wrong": ("none of the above", lambda _: True),
+}
+
+
+def find_worst_crops(truth: Truth, answers: Answers) -> list[Failure]:
+    """The MAX_FAILURES scored crops, beginning with the largest error; at most MAX_EACH of a panorama.
+
+    Args:
+        truth: of N crops.
+        answers: of the same crops.
+    """
+    error = np.where(truth.scored, sun_error(truth, answers), -np.inf)
+    count: Counter[str] = Counter()
+    chosen: list[int] = []
+    for i in np.argsort(-error, kind="stable")[: np.count_nonzero(truth.scored)]:
+        count[truth.panorama[i]] += 1
+        if count[truth.panorama[i]] <= MAX_EACH:
+            chosen.append(int(i))
+    return [_make_failure(truth, answers, i) for i in chosen[:MAX_FAILURES]]
+
+
+def _make_failure(truth: Truth, answers: Answers, index: int) -> Failure:
+    """One crop as a failure."""
+    sun, estimate = ((float(a), float(e)) for a, e in (angles(of.sun[index]) for of in (truth, answers)))
+    errors = [float(of(truth, answers)[index]) for of in (sun_error, azimuth_error, elevation_error)]
+    direct, radius = SUNSHINE.get(float(truth.visibility[index]), ""), float(answers.radius_50[index])
+    panorama, in_view = str(truth.panorama[index]), str(truth.in_view[index])
+    return Failure(index, panorama, in_view, direct, sun, estimate, radius, *errors)
+
+
+def failures_report(failures: Sequence[Failure]) -> str:
+    """A table with the number of failures by cause.
+
+    Args:
+        failures: one at least, the worst first.
+    """
+    counts = Counter(f.cause for f in failures)
+    panoramas = {name: len({f.panorama for f in failures if f.cause == name}) for name in CAUSES}
+    rows = [[name, rule, str(counts[name]), str(panoramas[name])] for name, (rule, _) in CAUSES.items()]
+    table = markdown_table(["", "rule", "crops", "panoramas"], rows)
+    return "\n\n".join(["## Where it fails", _summary(failures), table])
+
+
+def _summary(failures: Sequence[Failure]) -> str:
+    panoramas = len({f.panorama for f in failures})
+    flips = sum(abs(f.azimuth_error) > FLIP for f in failures)
+    return fill(
+        f"The {len(failures)} worst crops of the `paper` protocol, at most {MAX_EACH} of a panorama ({panoramas} "
+        f"panoramas): sun errors of {failures[-1].error:.0f} to {failures[0].error:.0f}°. Each counts under the first "
+        "rule that holds: the rules ask what could be seen, then how sure the network was, then how it erred. In "
+        f"{flips} of them, whatever the cause, the sun is on the wrong side, front for back.",
+        120,
+    )
+
+
+def write_failures(path: Path, failures: Sequence[Failure], azimuth: Floats) -> None:
+    """Write one line per failure.
+
+    Args:
+        path: CSV file to write.
+        failures: of the N crops.
+        azimuth: (N,) deg, where each crop's camera points in its panorama.
+    """
+    header = ["panorama", "azimuth", "error", "azimuth_error", "elevation_error", "in_view", "direct", "cause"]
+    rows = []
+    for f in failures:
+        numbers = (f"{value:.1f}" for value in (azimuth[f.index], f.error, f.azimuth_error, f.elevation_error))
+        rows.append([f.panorama, *numbers, f.in_view, f.direct, f.cause])
+    write_table(path, header, rows)
+
+
+# A contact sheet of failures: each crop with its true and its estimated sun, in numbers and on a dial.
+
+ACROSS = 5  # crops in a row
+THUMBNAIL = (320, 240)  # pixels
+_TEXT, _LINE = 13, 16  # pixels, height of letters and of lines
+DIAL = 26  # pixels, radius
+TRUE_COLOR, ESTIMATE_COLOR = (255, 200, 0), (90, 180, 255)
+
+
+def draw_contact_sheet(failures: Sequence[Failure], pictures: Sequence[NDArray[np.uint8]]) -> Image.Image:
+    """The failures in rows of ACROSS, each with three lines under it.
+
+    Args:
+        failures: to show.
+        pictures: (h, w, 3) sRGB of each.
+    """
+    height = THUMBNAIL[1] + 3 * _LINE + 6
+    whole = Image.new("RGB", (ACROSS * (THUMBNAIL[0] + 4), -(-len(failures) // ACROSS) * height), "white")
+    for i, (one, picture) in enumerate(zip(failures, pictures, strict=True)):
+        corner = (i % ACROSS * (THUMBNAIL[0] + 4), i // ACROSS * height)
+        whole.paste(_with_dial(Image.fromarray(picture).resize(THUMBNAIL), one), corner)
+        text = "\n".join(_lines(i + 1, one))
+        font = ImageFont.load_default(_TEXT)
+        ImageDraw.Draw(whole).multiline_text((corner[0] + 2, corner[1] + THUMBNAIL[1]), text, "black", font, spacing=2)
+    return whole
+
+
+def _lines(number: int, f: Failure) -> tuple[str, str, str]:
+    return (
+        f"{number}: {f.error:.0f}° {f.panorama}",
+        f"true {f.sun[0]:.0f}, {f.sun[1]:.0f}   said {f.estimate[0]:.0f}, {f.estimate[1]:.0f} ± {f.radius_50:.0f}",
+        f"{f.cause}; {f.in_view}; direct {f.direct or 'unknown'}",
+    )
+
+
+def _with_dial(picture: Image.Image, f: Failure) -> Image.Image:
+    """The picture with a dial of the suns from above: the zenith in the middle, the camera's azimuth at the top."""
+    draw = ImageDraw.Draw(picture)
+    middle = np.array(picture.size) - DIAL - 4
+    draw.ellipse([*(middle - DIAL), *(middle + DIAL)], fill=(60, 60, 60), outline="white")
+    draw.line([*middle, middle[0], middle[1] - DIAL], fill="white")
+    for (azimuth, elevation), color in ((f.sun, TRUE_COLOR), (f.estimate, ESTIMATE_COLOR)):
+        angle, reach = np.radians(azimuth), DIAL * (1 - elevation / 90)
+        spot = middle + reach * np.array([np.sin(angle), -np.cos(angle)])
+        draw.ellipse([*(spot - 4), *(spot + 4)], fill=color)
+    return picture

@@ -1,0 +1,209 @@
+"""How often the true sun lies in the region that holds a probability, and the temperature that calibrates it.
+
+Two regions are tested: the cells of highest density, and the cone around the answer, whose radii are `radius_50` and
+`radius_90`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import compress
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from export.evaluation.metrics import (
+    Bools,
+    Truth,
+    answers_from_estimates,
+    figures_table,
+    percentage,
+    select_crops,
+    sun_figures,
+)
+from export.evaluation.multi_view import place_halves
+from export.evaluation.predictions import MIN_DENSITY, sun_nll
+from export.evaluation.report import IN_VIEW, sun_bins
+from lighting.decoding import sun_from_prediction
+from lighting.files import atomic_write
+from lighting.geometry import Floats, angle_between
+from lighting.prediction import Prediction
+from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle, temper
+
+LEVELS = tuple(range(5, 100, 5))  # %, drawn
+QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
+DENSEST, CONE = "all", "all, cone around the answer"
+RELIABILITY_MEANING = fill(
+    "Share [%] of true suns inside the region that holds p of the probability. The region is the cells of highest "
+    "density; in the last row it is the cone around the answer, of `radius_50` or `radius_90`. A calibrated "
+    "distribution has p in the column p. `largest gap` is the largest difference over p = 5 to 95 %, in "
+    "percentage points.",
+    120,
+)
+
+
+def _density_levels(predictions: Sequence[Prediction], sun: Floats) -> Floats:
+    """Probability (N,) of the region of highest density that just reaches each true sun (N, 3).
+
+    It holds all cells that are denser than the sun's own, and half of those that are equally dense.
+    """
+    cells, area = (of(predictions[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
+    sun_cell = np.argmax(sun @ cells.T, axis=1)
+    probability = np.array([p.sun_probability for p in predictions], dtype=np.float64)
+    density = probability / area
+    at_sun = density[np.arange(len(sun_cell)), sun_cell][:, None]
+    denser = probability * ((density > at_sun) + 0.5 * (density == at_sun))
+    return np.asarray(denser.sum(axis=1) / probability.sum(axis=1))
+
+
+def _cone_level(prediction: Prediction, sun: Floats) -> float:
+    """Probability of the cone around the answer that just reaches the true sun (3,)."""
+    probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
+    answer = prediction.sun_direction
+    return float(np.interp(angle_between(sun, answer), *cumulative_by_angle(probability, cells, answer)))
+
+
+def reliability_curves(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, Floats]:
+    """Probabilities (n,) of the regions that reach the true sun: of all scored crops, of each bin, and of the cones.
+
+    Args:
+        truth: of N crops.
+        predictions: N, of the same crops.
+    """
+    scored = select_crops(truth, truth.scored)
+    predictions = list(compress(predictions, truth.scored))
+    levels = _density_levels(predictions, scored.sun)
+    cones = np.array([_cone_level(p, sun) for p, sun in zip(predictions, scored.sun, strict=True)])
+    by_group = {name: levels[chosen] for name, chosen in sun_bins(scored).items()}
+    return {DENSEST: levels, **by_group, CONE: cones}
+
+
+def _inside(levels: Floats, expected: Sequence[float]) -> Floats:
+    """Share [%] of the suns inside the regions of each probability [%]."""
+    return np.array([percentage(levels <= p / 100) for p in expected])
+
+
+def reliability_report(protocol: str, curves: dict[str, Floats]) -> str:
+    """The table of one protocol.
+
+    Args:
+        protocol: its name.
+        curves: of `reliability_curves`.
+    """
+    rows = {
+        name: {
+            "crops": float(len(levels)),
+            **{f"{p} %": float(value) for p, value in zip(QUOTED, _inside(levels, QUOTED), strict=True)},
+            "largest gap": float(np.abs(_inside(levels, LEVELS) - LEVELS).max()),
+        }
+        for name, levels in curves.items()
+    }
+    title = f"## Reliability of the sun's distribution, protocol `{protocol}`"
+    return f"{title}\n\n{RELIABILITY_MEANING}\n\n{figures_table(rows)}"
+
+
+def draw_reliability(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
+    """Plot the share inside against p: one column per protocol, by elevation above, by what is in view below.
+
+    Args:
+        protocols: the curves of each.
+        path: PNG file to write.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.6 * len(protocols), 9.2), layout="compressed")
+    panels = figure.subplots(2, len(protocols), sharex=True, sharey=True, squeeze=False)
+    for column, (protocol, curves) in zip(panels.T, protocols.items(), strict=True):
+        column[0].set_title(f"protocol {protocol}")
+        column[1].set_xlabel("probability of the region [%]")
+        for panel, views in zip(column, (False, True), strict=True):
+            _draw_panel(panel, {n: v for n, v in curves.items() if n in (DENSEST, CONE) or (n in IN_VIEW) == views})
+    for panel in panels[:, 0]:
+        panel.set_ylabel("true suns inside [%]")
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=100, pil_kwargs={"optimize": True})
+
+
+STYLES: dict[str, dict[str, Any]] = {
+    DENSEST: {"color": "black", "linewidth": 2.2},
+    CONE: {"color": "black", "linestyle": ":"},
+}
+
+
+def _draw_panel(panel: Any, curves: dict[str, Floats]) -> None:
+    panel.plot([0, 100], [0, 100], color="0.7", linewidth=1)
+    for name, levels in curves.items():
+        inside = np.concatenate([[0.0], _inside(levels, LEVELS), [100.0]])
+        panel.plot([0, *LEVELS, 100], inside, label=f"{name} ({len(levels)})", **STYLES.get(name, {}))
+    panel.set(xlim=(0, 100), ylim=(0, 100), aspect="equal")
+    panel.grid(alpha=0.25)
+    panel.legend(frameon=False, fontsize=8)
+
+
+TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
+_COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
+TEMPERATURE_MEANING = fill(
+    "Temperature T of the sun's probabilities, p^(1/T), in addition to the network's own. It is fitted by NLL on one "
+    "half of the places and tested on the other (`all`: fitted and tested on all). Regions are cones around the "
+    "answer. The network ships with the right temperature if T is near 1 in both halves and changes little.",
+    120,
+)
+
+
+def temperature_report(protocol: str, truth: Truth, predictions: Sequence[Prediction]) -> str:
+    """The table of one protocol.
+
+    Args:
+        protocol: its name.
+        truth: of N crops.
+        predictions: N, of the same crops.
+    """
+    halves = place_halves(truth)
+    half = np.array([halves.get(str(place), -1) for place in truth.place])
+    rows = {}
+    for name, fit, measured in (("half A", 0, 1), ("half B", 1, 0), ("all", None, None)):
+        learning, tested = (truth.scored if h is None else truth.scored & (half == h) for h in (fit, measured))
+        if learning.any() and tested.any():
+            rows[name] = _temperature_row(truth, predictions, learning, tested)
+    return f"## Temperature, protocol `{protocol}`\n\n{TEMPERATURE_MEANING}\n\n{figures_table(rows)}"
+
+
+def _temperature_row(
+    truth: Truth, predictions: Sequence[Prediction], learning: Bools, tested: Bools
+) -> dict[str, float]:
+    fitted = _fit_temperature(list(compress(predictions, learning)), truth.sun[learning])
+    test_predictions, test_truth = list(compress(predictions, tested)), select_crops(truth, tested)
+    row = {"fitted to": float(np.count_nonzero(learning)), "temperature": fitted, "crops": float(len(test_predictions))}
+    before, after = (_tempered_figures(test_truth, [_tempered(p, t) for p in test_predictions]) for t in (1.0, fitted))
+    figures = {"before": before, "after": after}
+    return row | {f"{name}, {when}": of[name] for name in _COLUMNS for when, of in figures.items()}
+
+
+def _fit_temperature(predictions: Sequence[Prediction], sun: Floats) -> float:
+    """The one of TEMPERATURES under which the true suns (N, 3) are most likely."""
+    cells, area = (of(predictions[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
+    sun_cell = np.argmax(sun @ cells.T, axis=1)
+    log = np.log(np.maximum([p.sun_probability for p in predictions], MIN_DENSITY * area))
+    costs = {t: _mean_nll(log / t, sun_cell) for t in TEMPERATURES}
+    return min(costs, key=costs.__getitem__)
+
+
+def _mean_nll(log: Floats, cell: NDArray[np.intp]) -> float:
+    """Mean negative log probability of the cells `cell` (N,), from unnormalised logarithms (N, G)."""
+    highest = log.max(axis=1, keepdims=True)
+    total = np.log(np.exp(log - highest).sum(axis=1)) + highest[:, 0]
+    return float(np.mean(total - log[np.arange(len(cell)), cell]))
+
+
+def _tempered(prediction: Prediction, temperature: float) -> Prediction:
+    """The prediction with its sun's logits divided by another temperature."""
+    return replace(prediction, sun_probability=temper(prediction.sun_probability, temperature))
+
+
+def _tempered_figures(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, float]:
+    """COLUMNS over crops that all have a sun."""
+    suns = [sun_from_prediction(p) for p in predictions]
+    figures = sun_figures(truth, answers_from_estimates(suns, nll=sun_nll(predictions, truth.sun)))
+    return {name: figures[column] for name, column in _COLUMNS.items()}

@@ -1,0 +1,114 @@
+"""The sun compass: the sky from above, with the density of the sun's probability and the photo's view."""
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.geometry import Floats, angles, direction
+from lighting.prediction import EstimatedLight, SunDistribution
+from lighting.preview import drawing
+from lighting.preview.drawing import (
+    TEXT,
+    WHITE,
+    TextStyle,
+    draw_lines,
+    draw_suns,
+    draw_text,
+)
+from lighting.preview.regions import draw_regions, frame_directions
+from lighting.sun_grid import grid_directions
+
+_RINGS = (30, 60)  # deg of elevation, the compass's rings
+_DENSITY_SIZE = 112  # pixels of the density before enlargement
+
+
+def draw_compass(estimate: EstimatedLight, aspect: float, size: int) -> Image.Image:
+    """The sky from above: zenith at the center, the camera's heading at the top, its right on the right.
+
+    Args:
+        estimate: the light and the sun's distribution.
+        aspect: the photo's width / height.
+        size: of the square panel, in pixels.
+    """
+    lighting = estimate.lighting
+    panel = Image.new("RGB", (size, size), drawing.PANEL)
+    radius = size / 2 - 44
+    heat = _draw_density(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
+    corner = (round(size / 2 - radius),) * 2
+    panel.paste(heat, corner, drawing.rounded_mask(heat.size, heat.width // 2))
+    sideways, _, along = np.abs(lighting.sun_direction)
+    _draw_rings(panel, radius)
+    view = dome_pixels(frame_directions(lighting, aspect), size, radius)
+    drawing.draw_polygon(panel, view, WHITE, 0.10)
+    draw_lines(panel, [view], WHITE, 1.5, 0.6)
+    draw_regions(panel, lighting, lambda d: dome_pixels(d, size, radius))
+    _write_degrees(panel, radius, across=bool(sideways < along))
+    draw_suns(panel, dome_pixels(lighting.sun_direction[None], size, radius), drawing.sun_mark_color(lighting), 8)
+    return panel
+
+
+def _draw_density(distribution: SunDistribution) -> Image.Image:
+    """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
+    side = (np.arange(_DENSITY_SIZE) + 0.5) / _DENSITY_SIZE * 2 - 1
+    x, y = np.meshgrid(side, side)
+    elevation = np.maximum(90.0 * (1 - np.hypot(x, y)), 0.0)
+    dome = direction(np.degrees(np.arctan2(x, -y)), elevation).reshape(-1, 3).astype(np.float32)
+    density = _density(dome, distribution)
+    level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_DENSITY_SIZE, _DENSITY_SIZE)
+    steps = np.linspace(0.0, 1.0, len(drawing.HEAT))
+    colors = np.stack([np.interp(level, steps, drawing.HEAT[:, c]) for c in range(3)], axis=-1)
+    return Image.fromarray(colors.astype(np.uint8))
+
+
+def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats:
+    """Density [1/sr] (M,) at directions (M, 3), each cell spread over its neighbourhood."""
+    probability = np.asarray(distribution.probability, dtype=np.float32)
+    cells = grid_directions(distribution.grid).astype(np.float32)
+    concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
+    probable = probability > 1e-4 * probability.max()
+    kernel = np.exp(concentration * (dome @ cells[probable].T - 1))
+    return np.asarray(kernel @ probability[probable] * concentration / np.float32(2 * np.pi))
+
+
+def _draw_rings(panel: Image.Image, radius: float) -> None:
+    """Draw elevation rings and a cross labelled front, right, behind and left, clear of a sun on the horizon."""
+    center = panel.width / 2
+    spokes = [np.array([[center - radius, center], [center + radius, center]])]
+    spokes.append(spokes[0][:, ::-1])
+    rings = [_ring_pixels(center, radius * (90 - elevation) / 90) for elevation in _RINGS]
+    draw_lines(panel, spokes + rings, WHITE, 1, 0.22)
+    draw_lines(panel, [_ring_pixels(center, radius)], drawing.LINE, 2, 1.0)
+    draw_text(panel, (center, 16), "front", TextStyle(18, TEXT, anchor="mm"))
+    far = panel.width - 22.0
+    for spot, word in (((center, panel.height - 16), "behind"), ((22.0, center), "left"), ((far, center), "right")):
+        draw_text(panel, spot, word, TextStyle(18, drawing.MUTED, anchor="mm"))
+
+
+def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
+    """Write the rings' degrees, on what is drawn: behind the zenith, or on its right where `across`.
+
+    The regions' shares stand in line with the sun.
+    """
+    center = panel.width / 2
+    for elevation in _RINGS:
+        out = center + radius * (90 - elevation) / 90
+        spot = (out + 6, center - 3) if across else (center + 6, out - 3)
+        draw_text(panel, spot, f"{elevation}°", TextStyle(15, TEXT, anchor="ls", shaded=True))
+
+
+def _ring_pixels(center: float, radius: float) -> Floats:
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    return np.stack([center + radius * np.cos(angle), center + radius * np.sin(angle)], axis=-1)
+
+
+def dome_pixels(directions: Floats, size: float, radius: float) -> Floats:
+    """Return pixels (N, 2) on a compass; directions below the horizon lie on its rim.
+
+    Args:
+        directions: (N, 3) unit vectors.
+        size: of the square panel, pixels.
+        radius: of the dome, pixels.
+    """
+    azimuth, elevation = angles(directions)
+    reach, angle = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0, np.radians(azimuth)
+    return np.stack([size / 2 + reach * np.sin(angle), size / 2 - reach * np.cos(angle)], axis=-1)
