@@ -1,7 +1,7 @@
 """How near the sun is with what a person marked, beside the network alone: `shadows.csv`, `photo_marks.csv`.
 
-The marks of `photo_marks.csv` were made before anyone looked at the true suns: on 100 photos in direct sun, drawn at
-random, at most one of a scene, and on a photo of each further scene of `val`.
+The marks of `photo_marks.csv` were made before anyone looked at the true suns. They are on 100 photos in direct sun,
+drawn at random, at most one of a scene, and on a photo of each further scene of `val`.
 """
 
 from collections.abc import Iterable, Sequence

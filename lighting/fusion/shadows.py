@@ -130,9 +130,9 @@ def read_shadow(text: str) -> ShadowMark:
     """Read a mark as the command line and HTTP write it.
 
     Args:
-        text: pixels of the upright photo: "FOOT_X,FOOT_Y,TIP_X,TIP_Y" of a shadow, with ",TOP_X,TOP_Y" where the
-            thing's top is seen, and "doubt:" before it where foot or tip is a guess; "own:X,Y" or "head:X,Y";
-            "line:X,Y,X,Y"; "lit:X,Y,X,Y" from the shaded to the lit side, with ",X,Y" of the border between them.
+        text: pixels of the upright photo. A shadow is "FOOT_X,FOOT_Y,TIP_X,TIP_Y", with ",TOP_X,TOP_Y" where the
+            thing's top is seen, and "doubt:" before it where foot or tip is a guess. Others are "own:X,Y", "head:X,Y",
+            "line:X,Y,X,Y" and "lit:X,Y,X,Y". The last goes from the shaded to the lit side, with ",X,Y" of their border.
 
     Raises:
         ParameterError: for any other text.

@@ -30,7 +30,7 @@ export const KINDS: Record<"shadow" | "horizon" | "size", Kind[]> = {
     },
     {
       name: "Shadow, and what throws its tip",
-      help: "Drag from the foot of a thing to the tip of its shadow; then tap the thing's top.",
+      help: "Drag from a thing's foot to its shadow's tip; then tap its top.",
       field: "shadow",
       ends: ["foot", "tip", "top"],
       next: "Now tap the top of the thing, which throws the tip.",
