@@ -132,7 +132,7 @@ def read_shadow(text: str) -> ShadowMark:
     Args:
         text: pixels of the upright photo. A shadow is "FOOT_X,FOOT_Y,TIP_X,TIP_Y", with ",TOP_X,TOP_Y" where the
             thing's top is seen, and "doubt:" before it where foot or tip is a guess. Others are "own:X,Y", "head:X,Y",
-            "line:X,Y,X,Y" and "lit:X,Y,X,Y". The last goes from the shaded to the lit side, with ",X,Y" of their border.
+            "line:X,Y,X,Y" and "lit:X,Y,X,Y". The last goes from shade to light; ",X,Y" may add their border.
 
     Raises:
         ParameterError: for any other text.
