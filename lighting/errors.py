@@ -66,7 +66,7 @@ RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_o
     "lighting.UserInput.use_exif": _RenamedName("lighting", "UserInput.metadata", "0.4.0"),
     "lighting.photo.photo_of": _RenamedName("lighting.photo.reader", "photo_from_array", "0.4.0"),
     "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.4.0"),
-    "lighting.photo.read_time": _RenamedName("lighting.photo.clock", "parse_time", "0.4.0"),
+    "lighting.photo.read_time": _RenamedName("lighting.photo.timestamps", "parse_time", "0.4.0"),
     "lighting.photo.reader.Photo.facts": _RenamedName("lighting.photo.reader", "Photo.metadata", "0.4.0"),
     "lighting.probe.probes_in": _RenamedName("lighting.probe.probe_files", "probes_in", "0.4.0"),
     "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.4.0"),

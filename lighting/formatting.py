@@ -1,10 +1,5 @@
 """Angles and offsets from UTC as words for people."""
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    pass
-
 
 def format_azimuth(azimuth: float, digits: int = 0) -> str:
     """Say where an azimuth lies for the camera: "straight ahead", "41° left" or "120° right (behind)".

@@ -2,7 +2,7 @@
 
 import json
 
-from .lighting.fields import format_azimuth, format_sun_elevation
+from .lighting.formatting import format_azimuth, format_sun_elevation
 from .lighting.records import Lighting, Trust
 
 _HELP = {  # as long as the sidebar is wide

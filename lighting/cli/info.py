@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from lighting.photo.metadata import PhotoMetadata
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
-from lighting.records import Lighting
+    from lighting.records import Lighting
 
 
 @cli.command(

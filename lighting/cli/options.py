@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import fields
 from functools import wraps
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -31,9 +31,6 @@ from lighting.map_options import (
     parse_exposure,
     parse_sun,
 )
-
-if TYPE_CHECKING:
-    pass
 
 
 class _Compression(RegistryChoice):

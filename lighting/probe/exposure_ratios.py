@@ -57,8 +57,11 @@ class ExposureRatio:
     """A longer exposure / the next shorter one."""
 
     value: float
-    error: float  # one sigma, relative
-    samples: int  # values it was measured from
+    """Over 0."""
+    error: float
+    """One standard deviation, relative."""
+    samples: int
+    """Values that it was measured from."""
 
     @property
     def is_sure(self) -> bool:

@@ -72,8 +72,11 @@ class BankKeyframe:
     """A keyframe of the bank."""
 
     keyframe: Keyframe
-    orientation: Floats  # (3, 3) against the first camera of its chain
+    """With the points that are found again."""
+    orientation: Floats
+    """(3, 3) against the first camera of its chain."""
     chain: int
+    """The number of its chain, from 0."""
 
 
 class KeyframeBank:
