@@ -132,7 +132,7 @@ def test_a_decoder_needs_no_more_than_the_table_says(kind: str, tmp_path: Path) 
     large.write_bytes(KINDS[kind](*SIZE))
     small.write_bytes(KINDS[kind](96, 64))
     pixels = SIZE[0] * SIZE[1]
-    conversion = CONVERSION * pixels if kind.startswith("PNG") else 5_000_000  # the heap's layout takes up to 1 MB
+    conversion = CONVERSION * pixels if kind.startswith("PNG") else 6_000_000  # heap, a reduced picture
     assert cost(large, small)[0] <= MEASURED[kind] * pixels + min(conversion, FIXED_BYTES)
 
 
