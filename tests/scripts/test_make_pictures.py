@@ -13,7 +13,6 @@ from scripts.make_world_map import copies, path_of, rings, unwrap
 
 OTHERS = {  # pictures that another command makes, or a hand
     "attention.jpg": "training data",
-    "towns.jpg": "training data",
     "reliability.png": "python -m export evaluate --card",
     "how-it-works.svg": "a hand",
     "draw-a-shadow.webp": "a hand, in the page",
