@@ -227,19 +227,15 @@ def _features(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.concatenate([four, _smooth(four[0])[None], _classes(linear)])
 
 
-def level_views(linear: NDArray[np.float32]) -> Iterator[Photo]:
-    """Views all around in a panorama.
+def level_views(linear: NDArray[np.float32]) -> Iterator[tuple[Floats, Photo]]:
+    """Views all around in a panorama, each with the unit vectors (h, w, 3) of its pixels.
 
     Args:
         linear: (H, 2H, 3), 0 to 1.
     """
-    for directions in _view_directions():
-        yield photo_from_array(tone_map(sample_latlong(linear, directions)))
-
-
-def _view_directions() -> Iterator[Floats]:
     for azimuth in range(0, 360, _VIEW_STEP):
-        yield camera_directions(Pinhole(*_VIEW_SIZE, _VIEW_FOV, azimuth=azimuth))
+        directions = camera_directions(Pinhole(*_VIEW_SIZE, _VIEW_FOV, azimuth=azimuth))
+        yield directions, photo_from_array(tone_map(sample_latlong(linear, directions)))
 
 
 def library_pictures(table: NDArray[np.void], pictures: bytes) -> Iterator[NDArray[np.float32]]:
@@ -268,7 +264,7 @@ def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     shape = FEATURE_ROWS, 2 * FEATURE_ROWS
     total, count = np.zeros((len(FEATURE_CLASSES), *shape)), np.zeros(shape)
-    for directions, photo in zip(_view_directions(), level_views(linear), strict=True):
+    for directions, photo in level_views(linear):
         segments = photo_segments(_model().predict_one(photo).segments, photo.width, photo.height)
         assert segments is not None
         x, y = np.moveaxis(latlong_pixel(directions, FEATURE_ROWS), -1, 0)

@@ -77,7 +77,10 @@ def fit_place_kinds(data: Path, model: Model) -> str:
     table, _, pictures = read_detail_library(LIBRARY_PATH)
     mean = kind_probability(features, weights).mean(axis=0)
     seen = np.stack(
-        [_describe_views(level_views(linear), model) for linear in library_pictures(table, pictures)]
+        [
+            _describe_views((photo for _, photo in level_views(linear)), model)
+            for linear in library_pictures(table, pictures)
+        ]
     )  # (N, V, F)
     filed = np.array(
         [[_SHARES.get(k, {k: 1.0}).get(name, 0.0) for name in PLACE_KINDS] for k in table["kind"].tolist()]
