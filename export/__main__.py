@@ -8,15 +8,15 @@ from typing import Any
 
 import click
 
-from export import CLIP_KINDS, FILE, PATH, PHOTO_SET_PARTS
 from lighting.cli import Group
 from lighting.errors import LightingError
 
+PATH = click.Path(path_type=Path)  # a folder, or a file to read
+FILE = click.Path(path_type=Path, dir_okay=False)  # to write
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 FITS = (
     "ground",
     "photo-radii",
-    "shadow-marks",
     "sky-color",
     "sun-color",
     "sun-power",
@@ -272,8 +272,7 @@ def _fit(name: str, data: Path, labels: Path, model: Path | None, seen: Path | N
     For ground: how far the network tells the ground's brightness better than the photo does. For sky-color: how far
     the color of the sky in a photo may be trusted for the whole sky. For sun-color: how far the sun's color goes to
     that of a clear sky's sun. For sun-power: by how much the network understates a sun that shines. For photo-radii:
-    how much wider the sun's distribution is in photos. For shadow-marks: what other errors of the shadows that a person
-    doubts, and of lit sides, would be worth.
+    how much wider the sun's distribution is in photos.
     """
     from export.evaluation import fit_constants
     from lighting.model import Model
@@ -287,14 +286,6 @@ def _fit(name: str, data: Path, labels: Path, model: Path | None, seen: Path | N
 @export_cli.group("report")
 def _report() -> None:
     """Print how exact something besides the network is."""
-
-
-@_report.command("probe")
-def _probe() -> None:
-    """How exactly skies are merged and aligned; a minute on two cores."""
-    from export.reports.probe import report_probe
-
-    click.echo(report_probe())
 
 
 @_report.command("ground")
@@ -318,19 +309,6 @@ def _shadows(data: Path, model: Path | None) -> None:
     from lighting.model import Model
 
     click.echo(report_shadows(Model.load(model), data))
-
-
-@_report.command("video")
-@_data
-@_option("--count", "Clips of each kind.", click.IntRange(1), 8)
-@click.option("--kind", "kinds", type=click.Choice(CLIP_KINDS), multiple=True, help="Only clips of these kinds. [all]")
-@_network
-def _video(data: Path, count: int, kinds: tuple[str, ...], model: Path | None) -> None:
-    """How well clips are followed, by cameras moved in `val` panoramas."""
-    from export.reports.video import report_video
-    from lighting.model import Model
-
-    click.echo(report_video(data, Model.load(model), kinds, count))
 
 
 @_report.command("map-detail")
@@ -373,18 +351,6 @@ def _light_balls(data: Path, count: int | None, model: Path | None) -> None:
     from lighting.model import Model
 
     click.echo(report_light_balls(data, Model.load(model), count))
-
-
-@_report.command("photo-sets")
-@_data
-@_option("--count", "At most so many places. [all]", click.IntRange(1))
-@_network
-@click.argument("parts", nargs=-1, type=click.Choice(PHOTO_SET_PARTS))
-def _photo_sets(data: Path, count: int | None, model: Path | None, parts: tuple[str, ...]) -> None:
-    """How well turns between photos are found, and what they are worth."""
-    from export.reports.photo_sets import report_photo_sets
-
-    click.echo(report_photo_sets(data, model, parts, count))
 
 
 @export_cli.group("stereo", cls=Group)

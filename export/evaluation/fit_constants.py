@@ -14,7 +14,6 @@ from export.crops.crops import crop_panorama, crop_rng, load_sources, paper_came
 from export.crops.photos import require_photo_rows
 from export.crops.targets import clear_sun_to_sky_ratio, panorama_irradiance
 from export.data.panoramas import DataError, read_index, read_table
-from export.evaluation.fit_marks import report_mark_errors
 from export.evaluation.irradiance import (
     WEATHER,
     HdrCrops,
@@ -403,7 +402,6 @@ def _report_photo_radii(model: Model, data: Path, _labels: Path) -> str:
 FIT_REPORTS: dict[str, Callable[..., str]] = {  # of a network, `data` and `labels`; the ground's also of `seen`
     "ground": _report_ground,
     "photo-radii": _report_photo_radii,
-    "shadow-marks": lambda model, data, _labels: report_mark_errors(model, data),
     "sky-color": _report_sky_color,
     "sun-color": _report_sun_color,
     "sun-power": _report_sun_power,

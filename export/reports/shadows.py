@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from export.data.panoramas import read_table
-from export.evaluation.fit_marks import PHOTO_MARKS, PHOTO_TABLES, TRUE_SUN, shadow_text
 from export.evaluation.metrics import markdown_table
 from lighting.errors import ParameterError
 from lighting.estimator import Estimator
@@ -21,6 +20,9 @@ from lighting.geometry import Floats, angle_between, angles, direction, wrap_azi
 from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
 
+PHOTO_MARKS = Path(__file__).parents[1] / "data" / "photo_marks.csv"
+_PHOTO_TABLES = {"val": "photos.csv", "train": "photos_train.csv"}  # by split
+_TRUE_SUN = ("sun_azimuth", "sun_elevation")
 _HEADINGS = (
     *("marks", "n", "azimuth: median", "90 %", "whole: median", "90 %"),
     *("network: azimuth: median", "90 %", "whole: median", "90 %", "50 and 90 % regions hold", "over the network"),
@@ -65,10 +67,10 @@ def report_shadows(model: Model, data: Path) -> str:
 def _report_one_shadow(estimator: Estimator, data: Path) -> str:
     """One shadow at a time: as it is, and as a line of which nobody knows the foot."""
     answers = []
-    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", *TRUE_SUN)):
+    for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", *_TRUE_SUN)):
         if not row["sun_azimuth"]:
             continue
-        marked, shadow = _ask(estimator, data, row), shadow_text(row)
+        marked, shadow = _ask(estimator, data, row), _shadow_text(row)
         kind, sure = "crops" if row["panorama"] else "photos", "sure" if row["sure"] == "yes" else "doubtful"
         pooled = ("all crops", f"all crops, {sure}") if row["panorama"] else ()
         answers.append(_answer(estimator, marked, [shadow], (f"{kind}, {sure}, {row['split']}", *pooled)))
@@ -77,12 +79,24 @@ def _report_one_shadow(estimator: Estimator, data: Path) -> str:
     return f"One shadow each:\n\n{_table(answers)}"
 
 
+def _shadow_text(row: dict[str, str]) -> str:
+    """A row of `shadows.csv` as the command line writes it, "doubt:" before it where who marked it was not sure."""
+    size = float(row["width"]), float(row["height"])
+    ends = [
+        min(max(float(row[f"{name}_{axis}"]), 0.0), side)
+        for name in ("foot", "tip", "top")
+        if row[f"{name}_x"]
+        for axis, side in zip("xy", size, strict=True)
+    ]
+    return f"{'doubt:' * (row['sure'] != 'yes')}{','.join(map(str, ends))}"
+
+
 def _report_photos(estimator: Estimator, data: Path) -> str:
     """All marks of a photo at once by how it was chosen, and each alone by its gesture."""
     rows = {
         row["file"]: (split, row)
-        for split, table in PHOTO_TABLES.items()
-        for row in read_table(data / table, ("file", *TRUE_SUN))
+        for split, table in _PHOTO_TABLES.items()
+        for row in read_table(data / table, ("file", *_TRUE_SUN))
     }
     photos: dict[tuple[str, str], list[str]] = {}  # their marks, by file and sample
     for row in read_table(PHOTO_MARKS, ("file", "sample", "mark")):
@@ -122,7 +136,7 @@ def _ask(estimator: Estimator, data: Path, row: dict[str, str]) -> _Marked:
     """A row's photo, its true sun, and that of the network alone."""
     photo = read_photo(data / row["file"])
     alone = estimator(photo, UserInput(metadata=False)).lighting.sun_direction
-    return _Marked(photo, direction(*(float(row[name]) for name in TRUE_SUN)), alone)
+    return _Marked(photo, direction(*(float(row[name]) for name in _TRUE_SUN)), alone)
 
 
 def _answer(estimator: Estimator, marked: _Marked, marks: Sequence[str], groups: Iterable[str]) -> _MarkedAnswer | None:

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 _ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 _RELATIVE_HEADING_STD = 10.0  # deg between two compass headings of one phone, whose larger error is shared
 _MIN_HEADING_STD = 0.5  # deg, of a heading over whole degrees
-_MATCH_OUTLIER_RATE = 0.01  # share of useless rotations by matches; `export report photo-sets` found none in 75 pairs
+_MATCH_OUTLIER_RATE = 0.01  # share of useless rotations by matches; there were none in 75 pairs
 _MAX_UP_DISAGREEMENT = 25.0  # deg, five times what nine of ten photos err in their camera's elevation
 _SUN_MOTION_SCALE = 30.0  # deg of the sun's motion after which the same view is another witness
 

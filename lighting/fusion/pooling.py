@@ -8,8 +8,8 @@ weight of the best linear mean where all correlate alike. Views are rotated, blu
 
 In a share of cases, though, one thing misleads all views, and then they tell no more than one does: the answer is a
 mixture of both products. Without it, a few scenes where all views err would cost too wide regions everywhere.
-`export report photo-sets overlap` fitted SUN_CORRELATION; AZIMUTH_CORRELATION was chosen by the same loss on rings, on
-160 panoramas of the same scenes.
+SUN_CORRELATION was fitted; AZIMUTH_CORRELATION was chosen by the same loss on rings, on 160 panoramas of the same
+scenes.
 """
 
 from collections.abc import Sequence

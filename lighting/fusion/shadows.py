@@ -37,20 +37,12 @@ _AZIMUTH_STD, _ELEVATION_STD = 2.0, 2.0  # deg, of ground that is not quite leve
 _OWN_STD = 2.5  # deg, of the camera's own shadow, whose middle has no mark
 _HEAD_STD = 6.0  # deg of azimuth, of a head's shadow, which is not the camera's
 _SIDE_STD = 12.0  # deg of azimuth over which a lit side turns to shade
+_DOUBTED_RATES = (0.6, 0.2)  # those of doubted shadows
+_BORDER_STD = 30.0  # deg of azimuth, by the border of a lit side
 _SIDE_OUTLIER_RATE = 0.1  # share of lit sides that are wrong
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
 _MIN_LENGTH = 3.0  # pixels, of a mark
 _STEP = 1e-3  # of the numerical derivatives: deg, and shares
-
-
-@dataclass(frozen=True)
-class MarkErrors:
-    """How wide the errors of some marks are: `python -m export fit shadow-marks` prints what others would be worth."""
-
-    doubted_rates: tuple[float, float] = (0.6, 0.2)
-    """Shares (0 to 1) of doubted shadows that are coarse, and that are wrong altogether."""
-    border_std: float = 30.0
-    """Deg of azimuth, by the border of a lit side."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +92,6 @@ class LitSide:
 
 
 ShadowMark = Shadow | OwnShadow | ShadowLine | LitSide
-MARK_ERRORS = MarkErrors()
 
 
 def marked_points(mark: ShadowMark) -> list[Point]:
@@ -180,16 +171,13 @@ def check_marks(marks: object) -> None:
             raise ParameterError(sentence, "shadows", ErrorCode.CONTRADICTION)
 
 
-def shadow_likelihood(
-    mark: ShadowMark, camera: Pinhole, directions: Floats, errors: MarkErrors = MARK_ERRORS
-) -> Floats:
+def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> Floats:
     """Return how likely a mark is for each direction (N,) of the sun, up to a factor.
 
     Args:
         mark: in pixels of the camera's picture.
         camera: estimated; its azimuth is 0.
         directions: (N, 3) unit vectors towards the sun.
-        errors: of the marks.
 
     Raises:
         ParameterError: a point of the ground lies at or over the horizon, or outside of the picture.
@@ -202,7 +190,7 @@ def shadow_likelihood(
     azimuth, elevation = angles(directions)
     match mark:
         case LitSide():
-            return _side_likelihood(mark, camera, azimuth, errors.border_std)
+            return _side_likelihood(mark, camera, azimuth, _BORDER_STD)
         case OwnShadow():
             return _own_likelihood(mark, camera, azimuth, elevation)
         case ShadowLine():
@@ -211,7 +199,7 @@ def shadow_likelihood(
             variance = std[0, 0]
             return _mix(lambda n: (_gaussian(there, variance * n**2) + _gaussian(opposite, variance * n**2)) / 2, 360.0)
         case Shadow():
-            rates = errors.doubted_rates if mark.is_doubted else _RATES
+            rates = _DOUBTED_RATES if mark.is_doubted else _RATES
             return _shadow_likelihood(mark, camera, azimuth, elevation, rates)
 
 

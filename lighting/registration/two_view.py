@@ -43,7 +43,7 @@ _MAX_STD = 2.0  # deg, of an answer
 _MIN_GUESS_STD = 0.1  # of a focal length's logarithm from which on it is a guess, which does not see a zoom
 _MIN_STATIC_SHARE = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
 _MIN_ZOOMED_SHARE = 0.95  # of the matches that obey an epipolar geometry must obey a zoom for it to be one
-_STATIC_ERROR_FACTOR = 1.3  # errors over what the scatter of the matches says (`export report photo-sets`)
+_STATIC_ERROR_FACTOR = 1.3  # errors over what the scatter of the matches says
 _MOVING_ERROR_FACTOR = 3.0  # the same where the camera moved
 
 _EPIPOLAR_TOLERANCE = 1.5  # pixels from the epipolar line within which a match obeys

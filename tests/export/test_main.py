@@ -12,7 +12,7 @@ from lighting.errors import LightingError
 
 
 @pytest.mark.parametrize(
-    ("words", "meant"), [(["evalute"], "evaluate"), (["report", "vido"], "video"), (["stereo", "trian"], "train")]
+    ("words", "meant"), [(["evalute"], "evaluate"), (["report", "shadow"], "shadows"), (["stereo", "trian"], "train")]
 )
 def test_a_misspelt_command_is_answered_by_what_was_meant(words: list[str], meant: str) -> None:
     result = CliRunner().invoke(export_cli, words)
@@ -52,20 +52,12 @@ def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, ne
         (["fit", "sky-color", *options], data, "The network states no light"),
         (["fit", "ground", *options], data, "The network states no light"),
         (["fit", "sun-color", *options], data, "has no HDR panorama in `train` that is sunny or overcast"),
-        (["report", "video", "--model", str(network)], tmp_path, "is of the split val"),
-        (["report", "photo-sets", "pairs"], tmp_path, "is left in `val`"),
     ):
         result = CliRunner().invoke(export_cli, [*command, "--data", str(folder)])
         assert isinstance(result.exception, DataError | LightingError), (command, result.output)
         assert message in str(result.exception)
     with pytest.raises(DataError, match="has no HDR panorama in `val` that shows its sun"):
         relight(data, data / "labels.csv", [network], tmp_path)
-
-
-def test_a_kind_of_clips_that_does_not_exist_is_refused(data: Path) -> None:
-    result = CliRunner().invoke(export_cli, ["report", "video", "--data", str(data), "--kind", "nosuch"])
-    assert result.exit_code == 2
-    assert "'nosuch' is not one of 'pan', 'tilt'" in result.output
 
 
 @pytest.mark.parametrize(
@@ -79,7 +71,7 @@ def test_a_folder_is_no_file_to_write_which_is_said_before_the_work(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    "command", ["label", "prior", "train", "evaluate", "report video", "report photo-sets", "fit ground", "suitable x"]
+    "command", ["label", "prior", "train", "evaluate", "report shadows", "fit ground", "suitable x"]
 )
 def test_commands_without_data_say_so_in_one_sentence(command: str) -> None:
     result = CliRunner().invoke(export_cli, command.split())

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.scene_measures import Picture, shadow_azimuth
-from export.reports.probe import SKY_DAY, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.develop import Moment
@@ -21,6 +20,7 @@ from lighting.scene.records import Scene
 from lighting.scene.writer import write_scene
 from lighting.stereo.light_vectors import clear_skies, sun_directions
 from lighting.stereo.pose import Pose
+from tests.helpers.brackets import SKY_DAY, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from tests.helpers.clips import write_clip
 from tests.helpers.engines import run_in_chroot
 from tests.helpers.pages import ROOT

@@ -7,10 +7,25 @@ import pytest
 
 from export.data.panoramas import DataError
 from export.reports import shadows as module
-from export.reports.shadows import _gesture, report_shadows
+from export.reports.shadows import _gesture, _shadow_text, report_shadows
 from lighting.fusion.shadows import read_shadow
 from lighting.model import Model
 from tests.conftest import encode, scene
+
+ROW = {"width": "64", "height": "48", "foot_x": "20", "foot_y": "40", "tip_x": "70", "tip_y": "44"}
+
+
+@pytest.mark.parametrize(
+    ("sure", "top", "text"),
+    [
+        ("yes", ("", ""), "20.0,40.0,64.0,44.0"),
+        ("yes", ("21", "9"), "20.0,40.0,64.0,44.0,21.0,9.0"),
+        ("no", ("", ""), "doubt:20.0,40.0,64.0,44.0"),
+    ],
+)
+def test_a_row_is_a_mark_inside_of_its_picture(sure: str, top: tuple[str, str], text: str) -> None:
+    assert _shadow_text({**ROW, "sure": sure, "top_x": top[0], "top_y": top[1]}) == text
+    read_shadow(text)
 
 
 def test_every_kind_of_mark_has_a_name_of_its_own() -> None:

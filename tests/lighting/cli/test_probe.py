@@ -10,7 +10,6 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from export.reports.probe import SKY_DAY, SKY_PLACE, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from lighting.cli import cli
 from lighting.cli.probe import PROBE_KINDS
 from lighting.color import srgb_encode
@@ -22,6 +21,7 @@ from lighting.probe.fisheye import LENS_KINDS as LENSES
 from lighting.probe.fisheye import make_lens
 from lighting.probe.probe_files import probe_path, probes_in
 from lighting.records import Lighting
+from tests.helpers.brackets import SKY_DAY, SKY_PLACE, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from tests.helpers.photos import taken, write_png16
 from tests.helpers.processes import error_of
 

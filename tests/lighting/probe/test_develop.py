@@ -8,15 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.reports.probe import (
-    SKY_DAY,
-    SKY_PLACE,
-    BracketCamera,
-    _rotation_between,
-    clear_sky_at,
-    expose_bracket,
-    photograph_sky,
-)
 from lighting.envmap.render import render, sun_light
 from lighting.errors import ProbeError
 from lighting.files.exr import read_exr, read_exr_attributes
@@ -38,6 +29,15 @@ from lighting.probe.fisheye import Lens, make_lens, project_to_lens
 from lighting.probe.probe_files import probes_in
 from lighting.probe.sun_detection import find_sun_blob
 from lighting.records import Lighting
+from tests.helpers.brackets import (
+    SKY_DAY,
+    SKY_PLACE,
+    BracketCamera,
+    clear_sky_at,
+    expose_bracket,
+    photograph_sky,
+    rotation_between,
+)
 
 MORNING = Moment(SKY_DAY, *SKY_PLACE)
 SIDE = 200
@@ -124,7 +124,7 @@ def test_a_sun_that_is_not_clipped_needs_no_warning() -> None:
     probe = make_probe(bracket(), MORNING, SETTINGS)
     assert not probe.warnings
     assert probe.alignment is not None
-    assert _rotation_between(probe.alignment.rotation, yaw_rotation(40.0)) < 0.3
+    assert rotation_between(probe.alignment.rotation, yaw_rotation(40.0)) < 0.3
     assert probe.sun_error is not None
     assert probe.sun_error < 0.5
     assert probe.image.shape == (64, 128, 3)
@@ -165,7 +165,7 @@ def test_a_series_finds_tilt_and_yaw() -> None:
     alignment = probes[0].alignment
     assert alignment is not None
     assert (
-        _rotation_between(alignment.rotation, rotation(6.0, -100.0)) < 0.6
+        rotation_between(alignment.rotation, rotation(6.0, -100.0)) < 0.6
     )  # of pixels of 0.9 deg; finer pictures in the report
     assert all(probe.sun_error is not None and probe.sun_error < 0.5 for probe in probes)
     assert not any("stood" in warning for probe in probes for warning in probe.warnings)

@@ -1,4 +1,4 @@
-"""How exactly brackets of known skies are merged and aligned."""
+"""Bracketed exposures of known skies, and how exactly they are merged and aligned."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from export.evaluation.metrics import markdown_table
 from lighting.envmap.render import render, sun_light
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.photo.linear import LinearPhoto
@@ -15,7 +14,7 @@ from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import make_bracket
 from lighting.probe.develop import BracketSettings, Moment, make_probe
 from lighting.probe.exposure_ratios import clipped_mask
-from lighting.probe.fisheye import Lens, make_lens, project_to_lens, resample_to_latlong, unproject_from_lens
+from lighting.probe.fisheye import Lens, project_to_lens, resample_to_latlong, unproject_from_lens
 from lighting.records import Lighting
 from lighting.sky.clear_sky import sky_radiance, sun_disc_points, sun_disc_radiance
 
@@ -24,31 +23,11 @@ ELECTRONS = 50_000.0  # at full scale, of a full-frame camera at its base sensit
 READ_ELECTRONS = 3.0
 SKY_PLACE = (47.0, 8.0)  # deg
 SKY_DAY = datetime(2024, 6, 1, 9, 0, tzinfo=UTC)
-PICTURE_SIDE = 800  # pixels of a picture
 _TURBIDITY = 3.0  # of the synthetic clear skies
 _MAP_HEIGHT = 256  # rows of the maps compared
 SKY_FILL = 8.0  # of full scale: the peak in the shortest exposure when the sky is exposed for, and the sun clips
 
 _DARK = 0.05  # quantile that counts as the darkest sky
-
-
-def report_probe() -> str:
-    """A table in Markdown of seven brackets, by bits and by what they are exposed for; it takes a minute."""
-    lens, moment = make_lens("equidistant", PICTURE_SIDE, PICTURE_SIDE), Moment(SKY_DAY, *SKY_PLACE)
-    rows = []
-    for bits in (8, 12, 14):
-        for fill, name in ((0.8, "the sun"), (SKY_FILL, "the sky")):
-            errors = _measure_bracket(BracketCamera(bits, fill), moment, lens, 40.0)
-            sun = ["-", "clipped"] if errors.clipped else [f"{100 * errors.sun:.1f} %", "not clipped"]
-            sky = [f"{errors.steps:.1f}", f"{100 * errors.longest:.1f} %", f"{100 * errors.sky:.1f} %"]
-            rows.append([str(bits), name, *sky, *sun, f"{errors.rotation:.2f}°"])
-    title = f"Seven exposures of 1/8000 to 1 s, {PICTURE_SIDE} x {PICTURE_SIDE} pixels, map of {_MAP_HEIGHT} rows"
-    of_sky = ("rounding steps in the darkest sky", "sky by the longest exposure alone, relative RMSE", "sky")
-    header = ["bits", "exposed for", *of_sky, "sun's irradiance", "the probe says", "alignment"]
-    return f"## {title}\n\n{markdown_table(header, rows)}"
-
-
-# Bracketed exposures of known skies: a camera in front of a rendered map, with its noise and its bits.
 
 
 @dataclass(frozen=True)
@@ -127,7 +106,7 @@ def expose_bracket(
     return photos
 
 
-def _bracket_gain(picture: NDArray[np.float32], camera: BracketCamera, times: Sequence[float] = BRACKET_TIMES) -> float:
+def bracket_gain(picture: NDArray[np.float32], camera: BracketCamera, times: Sequence[float] = BRACKET_TIMES) -> float:
     """Merged radiance / true radiance of such a bracket."""
     return camera.fill / (float(picture.max()) * min(times))
 
@@ -147,7 +126,7 @@ class _BracketErrors:
     rotation: float  # deg, between the estimated and the true one
 
 
-def _measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: float, seed: int = 0) -> _BracketErrors:
+def measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: float, seed: int = 0) -> _BracketErrors:
     """Photograph a clear sky, merge it and compare."""
     lighting, rotation = clear_sky_at(moment), yaw_rotation(yaw)
     picture = photograph_sky(lighting, lens, rotation)
@@ -158,14 +137,14 @@ def _measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: flo
     probe = make_probe(bracket, moment, settings)
     assert probe.spot is not None
     assert probe.alignment is not None
-    gain = _bracket_gain(picture, camera)
+    gain = bracket_gain(picture, camera)
     power = probe.spot.irradiance / gain / sun_light(lighting)[0] - 1
     longest, seconds = bracket.photos[-1], BRACKET_TIMES[-1]
     radiance = longest.pixels / np.float32(seconds)
     single = resample_to_latlong(radiance, clipped_mask(longest), lens, rotation, _MAP_HEIGHT)[0]
     sky, alone = (_sky_error(image, lighting, gain) for image in (probe.image, single))
     steps = float(np.quantile(picture[picture.any(axis=-1), 0], _DARK) * gain * seconds / longest.step)
-    turned = _rotation_between(probe.alignment.rotation, rotation)
+    turned = rotation_between(probe.alignment.rotation, rotation)
     return _BracketErrors(sky, alone, steps, float(np.abs(power).max()), probe.spot.clipped, turned)
 
 
@@ -177,6 +156,6 @@ def _sky_error(image: NDArray[np.float32], lighting: Lighting, gain: float) -> f
     return float(np.sqrt(np.mean((image[sky] / gain / truth - 1) ** 2)))
 
 
-def _rotation_between(a: Floats, b: Floats) -> float:
+def rotation_between(a: Floats, b: Floats) -> float:
     """The angle [deg] of the rotation between two."""
     return float(np.degrees(np.arccos(np.clip((np.trace(a @ b.T) - 1) / 2, -1, 1))))

@@ -6,19 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.reports.probe import (
-    BRACKET_TIMES,
-    SKY_DAY,
-    SKY_FILL,
-    SKY_PLACE,
-    BracketCamera,
-    _bracket_gain,
-    _measure_bracket,
-    _rotation_between,
-    clear_sky_at,
-    expose_bracket,
-    photograph_sky,
-)
 from lighting.envmap.render import sun_light
 from lighting.errors import ProbeError
 from lighting.probe.alignment import yaw_rotation
@@ -26,6 +13,19 @@ from lighting.probe.bracket import make_bracket, read_bracket
 from lighting.probe.develop import BracketSettings, Moment, make_probe
 from lighting.probe.exposure_ratios import measure_ratios
 from lighting.probe.fisheye import make_lens
+from tests.helpers.brackets import (
+    BRACKET_TIMES,
+    SKY_DAY,
+    SKY_FILL,
+    SKY_PLACE,
+    BracketCamera,
+    bracket_gain,
+    clear_sky_at,
+    expose_bracket,
+    measure_bracket,
+    photograph_sky,
+    rotation_between,
+)
 
 RAMP = np.linspace(1e-4, 1.0, 300, dtype=np.float32).reshape(10, 10, 3)
 
@@ -38,7 +38,7 @@ def test_a_bracket_holds_rounded_values_that_clip() -> None:
     assert long.max() == 1
     np.testing.assert_allclose(255 * short, np.rint(255 * short), atol=1e-4)
     np.testing.assert_allclose(
-        short, RAMP * _bracket_gain(RAMP, BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
+        short, RAMP * bracket_gain(RAMP, BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
     )
 
 
@@ -71,7 +71,7 @@ each_depth = pytest.mark.parametrize(
 @each_depth
 @pytest.mark.needs("scipy")
 def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(bits: int) -> None:
-    got = _measure_bracket(BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
+    got = measure_bracket(BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
     assert got.sky < 0.02
     assert got.clipped
     assert got.rotation < 0.3
@@ -80,7 +80,7 @@ def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(
 @each_depth
 @pytest.mark.needs("scipy")
 def test_suns_exposed_for_are_within_three_percent(bits: int) -> None:
-    got = _measure_bracket(BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
+    got = measure_bracket(BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
     assert not got.clipped
     assert got.sun < 0.03
     assert got.rotation < 0.3
@@ -98,13 +98,13 @@ def test_a_photographed_sun_has_its_power() -> None:
         BracketSettings(),
     )
     assert probe.spot is not None
-    assert probe.spot.irradiance / _bracket_gain(picture, BracketCamera()) == pytest.approx(
+    assert probe.spot.irradiance / bracket_gain(picture, BracketCamera()) == pytest.approx(
         sun_light(lighting)[0], rel=0.02
     )
 
 
 def test_turns_are_measured() -> None:
-    assert _rotation_between(yaw_rotation(20.0), yaw_rotation(-10.0)) == pytest.approx(30.0)
+    assert rotation_between(yaw_rotation(20.0), yaw_rotation(-10.0)) == pytest.approx(30.0)
 
 
 @pytest.mark.skipif(not STACK.is_dir(), reason="the fisheye stack is not here")
