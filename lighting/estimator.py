@@ -252,7 +252,7 @@ def render_lighting(
         PhotoError: `photo` is no photo that can be read.
         OSError: the photo's file cannot be read.
     """
-    from lighting.rendered_map import render_map
+    from lighting.photo_estimate import render_map
 
     check_lighting(lighting)
     view = MapOptions.of_keywords(height, options)

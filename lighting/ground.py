@@ -1,6 +1,6 @@
 """Where an object may stand on the ground that a photo shows, and how much of it the photo shows.
 
-What the photo shows is of `segmentation`; the camera says where the ground lies and how far it is.
+What the photo shows is of `prediction.photo_segments`; the camera says where the ground lies and how far it is.
 """
 
 from dataclasses import dataclass, replace
@@ -15,9 +15,17 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import round_significant
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
-from lighting.prediction import EstimatedLight, Prediction
+from lighting.prediction import (
+    THINGS,
+    EstimatedLight,
+    Prediction,
+    Segments,
+    SurfaceClass,
+    class_share,
+    photo_segments,
+    pixel_share,
+)
 from lighting.records import Lighting
-from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, photo_segments, pixel_share
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
 ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii

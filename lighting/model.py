@@ -18,9 +18,8 @@ from lighting.checksum import DATA_FOLDER
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import fit_in_box
 from lighting.onnx_session import OnnxSession, create_session, describe_onnx_error, packaged_network, weights_path
-from lighting.prediction import Light, ModelSpec, Prediction
+from lighting.prediction import CELL_PIXELS, Light, ModelSpec, Prediction, SurfaceClass
 from lighting.records import SURROUNDINGS_SHAPE
-from lighting.segmentation import CELL_PIXELS, SurfaceClass
 from lighting.sun_grid import grid_directions
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")

@@ -14,27 +14,91 @@ from typing import TYPE_CHECKING, Self, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.latlong import EPSILON_IRRADIANCE
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, column_blocks
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.relighting import adjust_lighting, edit_lighting, edit_photo_light, light_of_map
 from lighting.errors import warn_of_old_name
 from lighting.fields import RANGES, check_range, describe_fields
-from lighting.files import DEFAULT_FILE, FileOptions
+from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, write_envmap
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.map_options import DEFAULT_MAP, Adjustments, Around, MapKeywords, MapOptions
 from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight
-from lighting.records import Color, Lighting, check_lighting
-from lighting.runtime import ONE_BLAS_THREAD
+from lighting.records import Color, Lighting, LightProbe, check_lighting
+from lighting.runtime import ONE_BLAS_THREAD, return_memory
 from lighting.tracing import trace_step
 
 if TYPE_CHECKING:
     from PIL import Image as Pictures
 
     from lighting.envmap.surroundings import PhotoContext
-    from lighting.records import LightProbe
-    from lighting.rendered_map import RenderedMap
     from lighting.scene.records import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedMap:
+    """An environment map, the light that it shows, and that light's probe."""
+
+    image: Image
+    """(H, 2H, 3) float32, linear Rec.709, in the photo's linear values."""
+    lighting: Lighting
+    """The light as it was adjusted, turned with the map."""
+    probe: LightProbe
+    """Of the light and the place."""
+
+    def encode(self, options: FileOptions = DEFAULT_FILE) -> bytes:
+        """Return the bytes of a file that holds the map; an EXR holds light and probe, too.
+
+        Args:
+            options: how the file is written.
+
+        Raises:
+            EnvironmentMapError: the map does not fit the format.
+        """
+        with trace_step("encode"):
+            return encode_envmap(self.image, self.lighting, options, probe=self.probe)
+
+    def write(self, path: str | os.PathLike[str], options: FileOptions = DEFAULT_FILE) -> None:
+        """Write the map to a file, which it replaces when it is whole.
+
+        Args:
+            path: ends in .exr, .hdr or .png, which says the format.
+            options: how the file is written.
+
+        Raises:
+            EnvironmentMapError: the path ends otherwise, or cannot be written.
+            ParameterError: the format does not take the options.
+        """
+        with trace_step("encode"):
+            write_envmap(path, self.image, self.lighting, options, probe=self.probe)
+
+
+def render_map(
+    lighting: Lighting, options: MapOptions = DEFAULT_MAP, context: "PhotoContext | None" = None
+) -> RenderedMap:
+    """Adjust a light, and render its environment map.
+
+    Args:
+        lighting: any.
+        options: of the map.
+        context: what the map shows of a photo and its place; None: sky and ground alone.
+
+    Raises:
+        ParameterError: the light does not fit a map.
+    """
+    from lighting.envmap.surroundings import render_view
+    from lighting.light_probe import compute_light_probe
+
+    light = light_of_map(lighting, options)
+    with trace_step("map"), ONE_BLAS_THREAD:
+        probe = compute_light_probe(light, context, sun=options.sun, yaw=options.yaw)
+        if len(column_blocks(options.height)) > 1:  # which takes hundreds of megabytes
+            return_memory()
+        view = render_view(light, options.height, sun=options.sun, yaw=options.yaw, context=context, disc=options.disc)
+    return RenderedMap(*view, probe)
+
+
+describe_fields(RenderedMap)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,7 +171,7 @@ class Estimate(EstimatedLight):
             shown = edit_lighting(shown, {"exposure": photo_exposure})
         return dataclasses.replace(self, lighting=edit_photo_light(self.lighting, changes), photo_lighting=shown)
 
-    def render(self, options: MapOptions = DEFAULT_MAP) -> "RenderedMap":
+    def render(self, options: MapOptions = DEFAULT_MAP) -> RenderedMap:
         """Render the environment map; of a high one the photo is read again with more of its pixels.
 
         Args:
@@ -118,7 +182,6 @@ class Estimate(EstimatedLight):
             PhotoError: the photo's file has changed since it was read.
         """
         from lighting.envmap.surroundings import FINE_SIDE
-        from lighting.rendered_map import render_map
 
         context, pixels = self.context(options), self.photo.pixels
         camera = photo_camera(self.photo_lighting, pixels.shape[1], pixels.shape[0])
@@ -170,7 +233,7 @@ class Estimate(EstimatedLight):
         file = FileOptions(compression=compression, colors=colors).for_path(path)
         self.render(MapOptions.of_keywords(height, options)).write(path, file)
 
-    def light_probe(self, **options: Unpack[MapKeywords]) -> "LightProbe":
+    def light_probe(self, **options: Unpack[MapKeywords]) -> LightProbe:
         """Compute the light for engines and phones: nine coefficients of all but the sun, and the sun as main light.
 
         Args:
@@ -181,7 +244,7 @@ class Estimate(EstimatedLight):
         """
         return self.probe(MapOptions.of_keywords(DEFAULT_MAP.height, options))
 
-    def probe(self, options: MapOptions = DEFAULT_MAP) -> "LightProbe":
+    def probe(self, options: MapOptions = DEFAULT_MAP) -> LightProbe:
         """Compute the light probe of the map that `render` makes, but for the map's detail.
 
         Args:

@@ -1,18 +1,97 @@
-"""What a network says of a photo, `Prediction`, by its `ModelSpec`; and the answer made of it, `EstimatedLight`."""
+"""What a network says of a photo, `Prediction`, by its `ModelSpec`; and the answer made of it, `EstimatedLight`.
+
+It also says what each part of a photo shows, in cells of its canvas, CELL_PIXELS wide. `photo_segments` gives those of
+the photo: 24 x 18 for a landscape photo, 18 x 24 for an upright one.
+"""
 
 import json
 import sys
 from dataclasses import dataclass, field, fields
+from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.fields import describe_fields
-from lighting.geometry import Floats
+from lighting.geometry import Floats, fit_in_box
 from lighting.records import Lighting
 from lighting.sun_grid import bayes_direction
+
+Segments = NDArray[np.float32]  # (R, C, classes) probabilities of SurfaceClass in the cells of a photo, rows from above
+
+CELL_PIXELS = 8  # of the network's canvas, each way
+_CELLS = (24, 18)  # of a photo's longer and shorter side
+
+
+class SurfaceClass(IntEnum):
+    """What a cell shows, in the order of the network's output."""
+
+    GROUND = 0  # firm and level, and so near that cells are places
+    UNEVEN = 1  # slope, steps, boulders, tall grass
+    WATER = 2
+    PLANTS = 3
+    BUILDING = 4  # or wall, fence, bridge
+    VEHICLE = 5
+    PERSON = 6  # or animal
+    OBJECT = 7
+    FAR_TERRAIN = 8
+    SKY = 9
+
+
+THINGS = (  # that stand on the ground, in front of what is behind them
+    SurfaceClass.PLANTS,
+    SurfaceClass.BUILDING,
+    SurfaceClass.VEHICLE,
+    SurfaceClass.PERSON,
+    SurfaceClass.OBJECT,
+    SurfaceClass.SKY,
+)
+
+
+def photo_segments(canvas: NDArray[np.float32] | None, width: int, height: int) -> Segments | None:
+    """Return what the cells of a photo show by what those of the network's canvas show.
+
+    Args:
+        canvas: (R, C, classes) probabilities, as `Prediction.segments` has them. None: not predicted, as the answer.
+        width: of the photo, pixels.
+        height: of the photo, pixels.
+    """
+    if canvas is None:
+        return None
+    rows, columns, _ = canvas.shape
+    inside = np.array(fit_in_box(width, height, columns * CELL_PIXELS, rows * CELL_PIXELS)) / CELL_PIXELS
+    left, top = (np.array([columns, rows]) - inside) / 2
+    box = (left, top, left + inside[0], top + inside[1])
+    size = _CELLS if width >= height else _CELLS[::-1]
+    planes = (Image.fromarray(plane) for plane in np.ascontiguousarray(np.moveaxis(canvas, 2, 0)))
+    return np.stack([np.asarray(plane.resize(size, Image.Resampling.BILINEAR, box=box)) for plane in planes], axis=-1)
+
+
+def class_share(segments: Segments, *classes: SurfaceClass) -> NDArray[np.float32]:
+    """Return the probability (R, C) that cells show one of some classes.
+
+    Args:
+        segments: of a photo.
+        classes: one or more.
+    """
+    return np.asarray(segments[..., list(classes)].sum(axis=-1))
+
+
+def pixel_share(segments: Segments, width: int, height: int, *classes: SurfaceClass) -> NDArray[np.float32]:
+    """Return `class_share` for the pixels (h, w) of a picture, linear between the cells' middles.
+
+    Args:
+        segments: of the whole picture.
+        width: of the picture, pixels.
+        height: of the picture, pixels.
+        classes: one or more.
+    """
+    cells = Image.fromarray(class_share(segments, *classes))
+    return np.asarray(cells.resize((width, height), Image.Resampling.BILINEAR))
+
 
 _LARGEST = sys.float_info.max
 
@@ -109,7 +188,7 @@ class Prediction:
     light: Light | None = None
     """How strong the light is. None: the network says nothing of it."""
     segments: NDArray[np.float32] | None = None
-    """(R, C, K) probabilities, 0 to 1, what the canvas shows, by `segmentation.SurfaceClass`. None: not predicted."""
+    """(R, C, K) probabilities, 0 to 1, what the canvas shows, by `SurfaceClass`. None: not predicted."""
 
     @cached_property
     def sun_direction(self) -> Floats:
@@ -154,7 +233,7 @@ class EstimatedLight:
     surroundings: NDArray[np.float32] | None = field(default=None, repr=False)
     """(12, 24, 3) RGB, 0 or more: radiance all around as the network predicts it, zenith first. None: not predicted."""
     segments: NDArray[np.float32] | None = field(default=None, repr=False)
-    """(R, C, K) probabilities, 0 to 1, of what the photo shows, by `segmentation.SurfaceClass`. None: not sought."""
+    """(R, C, K) probabilities, 0 to 1, of what the photo shows, by `SurfaceClass`. None: not sought."""
 
     @property
     def evidence(self) -> tuple[str, ...]:

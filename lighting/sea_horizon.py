@@ -14,8 +14,7 @@ from PIL import Image
 
 from lighting.calibration import LINES_SIDE
 from lighting.geometry import Floats, focal_length, shrink_size
-from lighting.prediction import Prediction
-from lighting.segmentation import Segments, SurfaceClass, pixel_share
+from lighting.prediction import Prediction, Segments, SurfaceClass, pixel_share
 
 _CELLS = 18  # of the segments along a picture's height; the line lies within two of where they see it
 _COARSE = (96, 72)  # columns and rows of the segments in which the line is sought first

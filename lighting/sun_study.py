@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from lighting.envmap.relighting import edit_lighting
-from lighting.errors import ErrorCode, ParameterError, SceneError
+from lighting.errors import CodedWarning, ErrorCode, ParameterError, SceneError
 from lighting.fields import describe_fields
 from lighting.files import DEFAULT_FILE, atomic_write, encode_envmap, output_folder_error
 from lighting.fusion.time_zones import offset_at
@@ -29,7 +29,6 @@ from lighting.scene.records import SunPath
 from lighting.scene.usd import DAY_STAGE, animate_usd_sun
 from lighting.scene.writer import write_scene
 from lighting.solar_position import sun_position
-from lighting.warning_codes import CodedWarning
 
 RECORDS, STAGE_FOLDER = "lighting.jsonl", "usd"
 STEP_RANGE = (5.0, 360.0)  # minutes between two maps

@@ -14,7 +14,7 @@ from annotated_types import Ge, Gt, Le
 import lighting
 import lighting.errors as errors
 from lighting.cli import Command, Group, cli
-from lighting.errors import ErrorCode, LightingError
+from lighting.errors import ErrorCode, LightingError, WarningCode
 from lighting.fields import field_docstrings
 from lighting.files import FileOptions
 from lighting.map_options import Adjustments
@@ -23,7 +23,6 @@ from lighting.photo.reader import Photo, PhotoCrop
 from lighting.prediction import SunDistribution
 from lighting.records import LightProbe, MainLight
 from lighting.scene.records import Scene
-from lighting.warning_codes import WarningCode
 from scripts.markdown import WRITTEN, escape_marks, link_terms, write_table
 from scripts.reference_http import write_http
 from scripts.reference_python import write_python
@@ -192,7 +191,7 @@ sentence. In programs read `error.code` and `error.field`: what is wrong, and wi
     warned = [
         "## Codes of warnings",
         "",
-        "`lighting.warning_codes.warning_code(warning)` tells it of each of `estimate.warnings`.",
+        "`lighting.errors.warning_code(warning)` tells it of each of `estimate.warnings`.",
         "",
     ]
     return "\n".join([head, *table, *codes, *warned, *_members(WarningCode)])

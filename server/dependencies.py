@@ -20,7 +20,7 @@ from starlette.types import Scope
 
 from lighting.checksum import verify_checksums
 from lighting.envmap.latlong import Image
-from lighting.errors import LightingError, MissingExtraError
+from lighting.errors import CodedWarning, LightingError, MissingExtraError, WarningCode
 from lighting.estimator import Estimator
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model, packaged_model
@@ -32,7 +32,6 @@ from lighting.prediction import EstimatedLight
 from lighting.records import Lighting, LightProbe
 from lighting.registration import features, photo_set
 from lighting.tracing import trace_step
-from lighting.warning_codes import CodedWarning, WarningCode
 from server import problems
 from server.job_store import JobStore
 from server.jobs import JobRunner

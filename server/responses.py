@@ -10,6 +10,7 @@ from fastapi import Request, Response
 from fastapi.responses import JSONResponse
 
 from lighting.envmap.latlong import Image
+from lighting.errors import warning_code
 from lighting.fields import COLOR_RANGES, Json, round_all
 from lighting.geometry import angles
 from lighting.photo.metadata import PhotoMetadata
@@ -18,7 +19,6 @@ from lighting.record_json import record_with_coefficients
 from lighting.records import Lighting
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
-from lighting.warning_codes import warning_code
 from server.dependencies import PhotoAnswer, tag_bytes
 from server.problems import route_path
 from server.query_params import LightingQuery

@@ -4,14 +4,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, FailFast, Field
 
-from lighting.errors import ErrorCode
+from lighting.errors import ErrorCode, WarningCode
 from lighting.fields import OPTIONAL_RANGES
 from lighting.files import MAP_FORMATS
 from lighting.geometry import EYE_HEIGHT
 from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, Trust
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
-from lighting.warning_codes import WarningCode
 from server import field_types as types
 from server.field_types import InRange, RegistryName, parameter_range
 

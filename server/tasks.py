@@ -17,9 +17,8 @@ from lighting.files.deflate import encode_png
 from lighting.ground import draw_ground_mask, find_lit_spot
 from lighting.light_probe import compute_light_probe, encode_light_probe
 from lighting.photo.reader import TARGET, Photo
-from lighting.photo_estimate import Estimate
+from lighting.photo_estimate import Estimate, render_map
 from lighting.records import Lighting
-from lighting.rendered_map import render_map
 from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import zip_scene
 from lighting.sun_study import SunStudy, plan_study

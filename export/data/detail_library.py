@@ -44,7 +44,7 @@ from lighting.geometry import (
 )
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
-from lighting.segmentation import photo_segments
+from lighting.prediction import photo_segments
 
 _LICENCE = "poly haven"  # in the field of a row whose panorama may ship
 _LEFT_OUT = (

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from export.crops.crops import crop_rng
 from export.evaluation import metrics
 from lighting.calibration import MAX_LENS_RATIO
+from lighting.errors import WarningCode, warning_code
 from lighting.fusion.consistency import MIN_ELEVATION_P_VALUE, MIN_HEADING_P_VALUE
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import MAX_TILT_DISAGREEMENT, Gravity, Observations, Posterior, fuse_single_view
@@ -26,7 +27,6 @@ from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.prediction import Prediction
 from lighting.records import EvidenceKind
 from lighting.solar_position import sun_position
-from lighting.warning_codes import WarningCode, warning_code
 
 LOCAL_TIME = "local time+place"  # a part of what is known: a time without its zone
 LATITUDES = (-55.0, 65.0)  # deg, where people live

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from export.data.panoramas import DataError
 from export.networks.backbone import Backbone, conv_batch_norm
 from export.networks.weights import averaged_weights
-from lighting.segmentation import SurfaceClass
+from lighting.prediction import SurfaceClass
 
 # The backbone's blocks after whose last the maps are 1/8, 1/16 and 1/32 of the picture. Blocks 7, 10 and 12 add to what
 # they get: without them a third of the time is saved, and little is lost.

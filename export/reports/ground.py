@@ -12,7 +12,7 @@ from lighting.estimator import Estimator
 from lighting.geometry import Floats
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
-from lighting.segmentation import Segments, SurfaceClass
+from lighting.prediction import Segments, SurfaceClass
 
 _MIN_CELLS = 4  # of ground, in a picture that is expected to have a spot
 

@@ -26,7 +26,7 @@ from lighting.envmap.place_kinds import PLACE_KINDS, kind_features, kind_probabi
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
-from lighting.segmentation import photo_segments
+from lighting.prediction import photo_segments
 
 # Words of `scene` that name a kind; the first that is found counts. Views from the air are of no kind.
 _WORDS = {

@@ -27,7 +27,7 @@ from export.training.segmentation_teacher import teach_views
 from lighting.geometry import Floats, fit_in_box
 from lighting.model import pad_to_input
 from lighting.photo.reader import read_photo
-from lighting.segmentation import CELL_PIXELS, Segments, SurfaceClass
+from lighting.prediction import CELL_PIXELS, Segments, SurfaceClass
 
 _TABLE = "ground.csv"
 _MORE = Path(__file__).parents[1] / "data" / "ground_more.csv"  # grids of photos of `train`

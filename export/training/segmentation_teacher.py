@@ -17,7 +17,7 @@ from export.data.panoramas import read_index, read_picture, read_table
 from lighting.geometry import Pinhole, camera_directions, fit_in_box, sample_latlong
 from lighting.onnx_session import create_session
 from lighting.photo.reader import read_photo
-from lighting.segmentation import Segments
+from lighting.prediction import Segments
 
 _INPUT_SIZE = (384, 288)  # pixels of the teacher's input, longer and shorter side
 _SIDE = 400  # pixels of a picture's longer side

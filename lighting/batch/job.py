@@ -20,9 +20,8 @@ from lighting.tracing import trace_step
 
 if TYPE_CHECKING:
     from lighting.estimator import Estimator
-    from lighting.photo_estimate import Estimate
+    from lighting.photo_estimate import Estimate, RenderedMap
     from lighting.records import Lighting, LightProbe
-    from lighting.rendered_map import RenderedMap
 
 DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits and other work may slow the machine
 

@@ -21,9 +21,8 @@ from lighting.map_options import DEFAULT_MAP, Around, MapOptions
 
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
-    from lighting.photo_estimate import Estimate
+    from lighting.photo_estimate import Estimate, RenderedMap
     from lighting.records import LightProbe
-    from lighting.rendered_map import RenderedMap
 
 
 @cli.command(
@@ -153,7 +152,7 @@ def _render(
     if photo is None:
         _refuse_place(view, user_input, model)
     from lighting.envmap.relighting import adjust_lighting
-    from lighting.rendered_map import render_map
+    from lighting.photo_estimate import render_map
 
     lighting = stored or console.read_lighting(record)
     estimate = None if photo is None else estimate_file(photo, user_input, model).replace(lighting=lighting)
@@ -284,4 +283,4 @@ def _import_renderer() -> None:
     """Import what renders maps. The library of detail and OpenEXR come when the network is gone, for their memory."""
     import fractions  # noqa: F401 - OpenEXR imports it to write a header
 
-    import lighting.rendered_map  # noqa: F401 - with all that it needs
+    import lighting.photo_estimate  # noqa: F401 - with all that it needs

@@ -14,8 +14,8 @@ from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.fields import clip_color
 from lighting.geometry import Floats, sample_latlong
+from lighting.prediction import THINGS, Segments, SurfaceClass, class_share, pixel_share
 from lighting.records import Lighting
-from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, pixel_share
 
 # Which pixels count as sky, and how far they tint it.
 _MAP_ROWS = 32  # of the map with which the photo is compared

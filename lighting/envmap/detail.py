@@ -27,8 +27,8 @@ from lighting.envmap.latlong import (
 )
 from lighting.envmap.projection import CLIPPED, PhotoProjection, sample_cells
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
+from lighting.prediction import Segments, SurfaceClass, pixel_share
 from lighting.records import Lighting
-from lighting.segmentation import Segments, SurfaceClass, pixel_share
 
 MIN_ROWS = 48  # of maps that have room for detail
 

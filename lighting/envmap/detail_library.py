@@ -27,8 +27,8 @@ from lighting.envmap.latlong import Image, blur_cells, cell_bands, column_blocks
 from lighting.envmap.place_kinds import PLACE_KINDS, kind_features, kind_probability
 from lighting.envmap.projection import sample_cells
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
+from lighting.prediction import Segments, SurfaceClass
 from lighting.records import Lighting
-from lighting.segmentation import Segments, SurfaceClass
 
 LIBRARY_PATH = DATA_FOLDER / "detail.npy"
 PICTURE_ROWS = 512  # of the library's panoramas

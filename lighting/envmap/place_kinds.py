@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lighting.color import LUMINANCE_WEIGHTS
 from lighting.geometry import Floats
-from lighting.segmentation import Segments, SurfaceClass
+from lighting.prediction import Segments, SurfaceClass
 
 PLACE_KINDS = ("city", "garden", "park", "meadow", "forest", "shore", "bare", "snow")
 

@@ -16,8 +16,8 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.geometry import Floats, Pinhole, box_means, camera_directions, camera_pixel, clip_slice, shrink_size
+from lighting.prediction import THINGS, Segments, pixel_share
 from lighting.records import Lighting, check_lighting
-from lighting.segmentation import THINGS, Segments, pixel_share
 
 _MAX_SIDE = 256  # pixels of the mask's longer side
 _GRAIN = 2  # pixels of it over which brightness is averaged, so that a dark stone is no shade

@@ -23,8 +23,8 @@ from lighting.envmap.render import add_sun, cap_map, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.map_options import check_height
+from lighting.prediction import Segments
 from lighting.records import Lighting, check_lighting
-from lighting.segmentation import Segments
 
 _CELL_ROWS = 24  # of the cells in which the map is changed
 _SAMPLES_PER_CELL = 4  # rows and columns of the bare map that are sampled for each cell
@@ -57,7 +57,7 @@ class PhotoContext:
     light: Lighting | None = None
     """That light; what it makes of the surroundings stays under another sun."""
     segments: Segments | None = None
-    """What the photo shows, of `segmentation`; None: unknown."""
+    """What the photo shows, as `photo_segments` returns it; None: unknown."""
     detail: bool = False
     """Whether the map has detail all around."""
     backdrop: str | None = None

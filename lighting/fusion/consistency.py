@@ -10,10 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from lighting.calibration import MAX_LENS_RATIO, lens_ratio
+from lighting.errors import CodedWarning, WarningCode
 from lighting.geometry import Floats, angles
 from lighting.prediction import Prediction
 from lighting.sun_grid import HEADINGS, blur_headings, grid_directions
-from lighting.warning_codes import CodedWarning, WarningCode
 
 MIN_ELEVATION_P_VALUE = 0.004  # by the pixels, under which the elevation of time and place is contradicted
 MIN_HEADING_P_VALUE = 0.008  # the same of a compass heading

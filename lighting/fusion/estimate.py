@@ -28,6 +28,7 @@ from lighting.decoding import (
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, share_sky_color, snow_gain
 from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.shadow_mask import dappled_sunlight
+from lighting.errors import CodedWarning, WarningCode
 from lighting.fields import clip_to_range, round_significant
 from lighting.fusion.drawn_camera import Reference, height_by_reference
 from lighting.fusion.instants import Instant
@@ -42,12 +43,10 @@ from lighting.ground import describe_ground
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.picture_checks import is_blank, is_false_color, is_panorama
 from lighting.photo.reader import Photo
-from lighting.prediction import EstimatedLight, Prediction
+from lighting.prediction import EstimatedLight, Prediction, photo_segments
 from lighting.records import MIN_SUITABLE, Color, EvidenceKind, Lighting
 from lighting.sea_horizon import level_by_sea
-from lighting.segmentation import photo_segments
 from lighting.sun_grid import temper
-from lighting.warning_codes import CodedWarning, WarningCode
 
 _UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
 _THERMAL = "Probably a picture of a thermal camera, which shows temperatures: do not trust this result."

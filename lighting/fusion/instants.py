@@ -10,13 +10,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
+from lighting.errors import CodedWarning, WarningCode
 from lighting.formatting import format_utc_offset
 from lighting.fusion.time_zones import ZONE_OF_PLACE, clock_offsets, offset_at, offset_in_file
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import MAX_CLOCK_DIFFERENCE, nearest_utc_offset
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.timestamps import to_utc
-from lighting.warning_codes import CodedWarning, WarningCode
 
 USER = "user"  # where an instant comes from, as the record says it; ZONE_OF_PLACE and OFFSET_RULES have the others
 GPS = "GPS"

@@ -15,7 +15,7 @@ import lighting.fusion.single_view as single_view
 import lighting.sun_grid as sun_grid
 from lighting.calibration import up_in_camera
 from lighting.decoding import light_from_vector, light_to_vector
-from lighting.errors import ErrorCode, ParameterError
+from lighting.errors import CodedWarning, ErrorCode, ParameterError, WarningCode
 from lighting.fusion.pooling import (
     AZIMUTH_CORRELATION,
     ELEVATION_KERNEL_STD,
@@ -44,7 +44,6 @@ from lighting.sun_grid import (
     heading_from_probability,
     von_mises,
 )
-from lighting.warning_codes import CodedWarning, WarningCode
 
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.decoding import sun_from_prediction, sun_from_rings
-from lighting.errors import ErrorCode, ParameterError
+from lighting.errors import CodedWarning, ErrorCode, ParameterError, WarningCode
 from lighting.formatting import format_azimuth, format_tilt
 from lighting.fusion.consistency import consistency_warnings
 from lighting.fusion.drawn_camera import DrawnCamera, fit_camera
@@ -36,7 +36,6 @@ from lighting.sun_grid import (
     splat_to_grid,
     von_mises,
 )
-from lighting.warning_codes import CodedWarning, WarningCode
 
 COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median
 COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that say nothing: the uniform part of the prior

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import lru_cache
 
+from lighting.errors import CodedWarning, WarningCode
 from lighting.photo.clock import nearest_utc_offset
 from lighting.photo.metadata import PhotoMetadata
-from lighting.warning_codes import CodedWarning, WarningCode
 
 ZONE_OF_PLACE = "zone of the place"  # where an offset from UTC comes from, as the record says it
 _AT_SEA = "Etc/"  # how the names of the zones begin that ships keep

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.geometry import Floats, shrink_size
-from lighting.photo.collages import has_seams, stereo_half
+from lighting.photo.picture_checks import has_seams, stereo_half
 
 _Bytes = NDArray[np.uint8]
 _Mask = NDArray[np.bool_]

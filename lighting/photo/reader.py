@@ -24,7 +24,15 @@ from PIL import Image, UnidentifiedImageError
 import lighting.photo.containers as containers
 import lighting.photo.tiff as tiff
 from lighting.color import check_pixels
-from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError, warn_of_old_name
+from lighting.errors import (
+    CodedWarning,
+    ErrorCode,
+    ParameterError,
+    PhotoError,
+    PhotoTooLargeError,
+    WarningCode,
+    warn_of_old_name,
+)
 from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import Layout, find_layout
@@ -33,7 +41,6 @@ from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
 from lighting.photo.sidecars import read_sidecar
 from lighting.photo.tags import read_tags
-from lighting.warning_codes import CodedWarning, WarningCode
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 

@@ -32,7 +32,16 @@ import numpy as np
 
 import lighting.runtime as runtime
 from lighting.confinement import confine_process
-from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.errors import (
+    CodedWarning,
+    ErrorCode,
+    LightingError,
+    ParameterError,
+    PhotoError,
+    PhotoTooLargeError,
+    WarningCode,
+    warning_code,
+)
 from lighting.fields import Json
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS
@@ -50,7 +59,6 @@ from lighting.photo.reader import (
 )
 from lighting.photo.sidecars import read_sidecar
 from lighting.tracing import trace_step
-from lighting.warning_codes import CodedWarning, WarningCode, warning_code
 
 if TYPE_CHECKING:
     from subprocess import Popen

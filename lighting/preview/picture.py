@@ -14,7 +14,7 @@ from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.geometry import Floats, Pinhole, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
-from lighting.prediction import EstimatedLight, check_estimate
+from lighting.prediction import EstimatedLight, Segments, check_estimate
 from lighting.preview import drawing
 from lighting.preview.compass import draw_compass
 from lighting.preview.drawing import (
@@ -39,7 +39,6 @@ from lighting.preview.spheres import (
     sphere_centers,
 )
 from lighting.records import MIN_SUITABLE, Lighting, SunCandidate, describe_candidates, describe_trust
-from lighting.segmentation import Segments
 
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 

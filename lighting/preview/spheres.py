@@ -28,8 +28,8 @@ from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import is_in_shade, read_ground_shade, shadow_receivers
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, dot_product, ray_sphere, sample_latlong
 from lighting.ground import object_radius
+from lighting.prediction import Segments
 from lighting.records import Lighting
-from lighting.segmentation import Segments
 
 MIRROR, GLOSSY, DIFFUSE = range(3)  # from left to right
 

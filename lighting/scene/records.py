@@ -26,9 +26,9 @@ from lighting.geometry import Floats, Pinhole
 from lighting.ground import find_sunny_ground, is_in_sun, max_object_meters, spot_warnings
 from lighting.light_probe import main_light, project_latlong
 from lighting.photo.reader import Photo, check_photo
+from lighting.prediction import Segments
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.records import Lighting, LightProbe, check_lighting
-from lighting.segmentation import Segments
 
 SUN_ANGLE = 2 * geometry.SUN_RADIUS  # deg
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view

@@ -30,7 +30,7 @@ from lighting.color import (
     chromaticities_to_rec709,
     srgb_bytes,
 )
-from lighting.errors import VideoError, require_extra
+from lighting.errors import CodedWarning, VideoError, require_extra
 from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
@@ -50,7 +50,6 @@ from lighting.video.metadata import (
     subtitle_metadata,
     xml_metadata,
 )
-from lighting.warning_codes import CodedWarning
 
 # by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
 TRANSFER_CURVES: dict[int, Curve] = {16: "pq", 18: "hlg"}

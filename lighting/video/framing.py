@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
+from lighting.errors import CodedWarning, WarningCode
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.borders import Layout, Rectangle, find_layout
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE, describe_layout
 from lighting.registration.features import import_opencv
-from lighting.warning_codes import CodedWarning, WarningCode
 
 Pixels = NDArray[np.uint8]
 

@@ -19,12 +19,12 @@ from typing import BinaryIO, TypeVar
 import numpy as np
 
 from lighting.color import LogCurve
+from lighting.errors import CodedWarning, WarningCode
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.imu import heading_from_gimbal
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.timestamps import Stamp, read_stamp
-from lighting.warning_codes import CodedWarning, WarningCode
 
 _Value = TypeVar("_Value")
 QUICKTIME = "com.apple.quicktime."

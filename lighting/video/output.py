@@ -44,6 +44,8 @@ from lighting.light_probe import compute_light_probe
 from lighting.map_options import DEFAULT_MAP, Around, MapOptions
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
+from lighting.photo_estimate import RenderedMap, render_map
+from lighting.prediction import photo_segments
 from lighting.preview.drawing import (
     SUN,
     WHITE,
@@ -57,11 +59,9 @@ from lighting.preview.drawing import (
 )
 from lighting.preview.spheres import render_spheres
 from lighting.records import Lighting
-from lighting.rendered_map import RenderedMap, render_map
 from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
-from lighting.segmentation import photo_segments
 from lighting.tracing import trace_step
 from lighting.video.decode import Clip, ClipForm, local_address
 from lighting.video.observation import NETWORK_INTERVAL

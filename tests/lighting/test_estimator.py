@@ -14,7 +14,7 @@ import lighting
 from lighting import estimator
 from lighting import model as model_module
 from lighting.decoding import blend_to_clear_sun, lighting_from_prediction
-from lighting.errors import ModelError, ParameterError, PhotoError
+from lighting.errors import ModelError, ParameterError, PhotoError, warning_code
 from lighting.estimator import Estimator, _view, estimate
 from lighting.fusion.estimate import apply_photo_colors
 from lighting.fusion.single_view import Gravity, Observations
@@ -24,7 +24,6 @@ from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array, read_photo
 from lighting.records import Lighting
-from lighting.warning_codes import warning_code
 from tests.conftest import AROUND, encode, scene, write_network
 from tests.helpers.predictions import UNIFORM, grid_prediction
 

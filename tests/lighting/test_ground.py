@@ -26,9 +26,8 @@ from lighting.ground import (
     spot_warnings,
 )
 from lighting.photo.reader import photo_from_array, read_photo
-from lighting.prediction import EstimatedLight
+from lighting.prediction import EstimatedLight, Segments, SurfaceClass, class_share, photo_segments, pixel_share
 from lighting.records import Lighting
-from lighting.segmentation import Segments, SurfaceClass, class_share, photo_segments, pixel_share
 from tests.helpers.predictions import prediction
 from tests.helpers.scenes import distribution
 

@@ -13,11 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.errors import ParameterError
+from lighting.errors import CodedWarning, ParameterError, WarningCode, warning_code
 from lighting.fields import OPTIONAL_RANGES, RANGES, clip_color
 from lighting.geometry import direction
 from lighting.records import EvidenceKind, Lighting, SunCandidate, describe_candidates, describe_trust
-from lighting.warning_codes import CodedWarning, WarningCode, warning_code
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, ground_albedo=0.2)
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.geometry import Pinhole, camera_directions
+from lighting.prediction import SurfaceClass
 from lighting.sea_horizon import find_sea_horizon, level_by_sea
-from lighting.segmentation import SurfaceClass
 from tests.helpers.predictions import prediction
 
 CAMERA = Pinhole(480, 360, 55.0, elevation=4.0, roll=-2.0)

@@ -7,9 +7,8 @@ import pytest
 
 import lighting
 from lighting.cli import Command
-from lighting.errors import ErrorCode
+from lighting.errors import ErrorCode, WarningCode
 from lighting.scene import EXPORTERS
-from lighting.warning_codes import WarningCode
 from scripts.markdown import link_terms
 from scripts.reference import (
     FOLDER,

@@ -12,7 +12,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-import lighting.rendered_map as rendered_map
+import lighting.envmap.surroundings as surroundings
 import lighting.scene.records as records
 from lighting.envmap.surroundings import render_view
 from lighting.scene import EXPORTERS
@@ -31,7 +31,7 @@ NODE = ROOT / "tests" / "node"
 def client(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> TestClient:
     """A client of a service that draws small maps, whatever the size asked for."""
     monkeypatch.setattr(
-        rendered_map, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options)
+        surroundings, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options)
     )
     for module in (tasks, records):
         monkeypatch.setattr(module, "make_scene", lambda *a, **options: make_scene(*a, **{**options, "map_height": 16}))

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from prometheus_client import generate_latest
 from starlette.testclient import TestClient
 
-from lighting.errors import MissingExtraError, ModelError, PhotoTooLargeError
+from lighting.errors import MissingExtraError, ModelError, PhotoTooLargeError, WarningCode
 from lighting.estimator import Estimator
 from lighting.photo.reader import TARGET
 from lighting.registration import features, photo_set
-from lighting.warning_codes import WarningCode
 from server.app import create_app
 from server.dependencies import NO_OPENCV, ROTATION_INFERRED, PhotoMatcher, Service, ServiceMetrics
 from server.limits import UNKNOWN, ArrivingBody, ConnectionLimiter, PendingResponses, UploadLimiter

@@ -19,7 +19,7 @@ from schemathesis.generation.meta import CoveragePhaseData, CoverageScenario
 from schemathesis.hooks import HookContext
 from starlette.testclient import TestClient
 
-import lighting.rendered_map as rendered_map
+import lighting.envmap.surroundings as surroundings
 import lighting.scene.records as records
 from lighting.envmap.surroundings import render_view
 from lighting.estimator import Estimator
@@ -152,7 +152,7 @@ schemathesis.openapi.format("binary", PHOTOS)
 def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     """A service that draws small pictures, whatever the size asked for."""
     monkeypatch.setattr(
-        rendered_map, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options)
+        surroundings, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options)
     )
     monkeypatch.setattr(Estimate, "preview", lambda *_: scene(16, 16))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")

@@ -26,7 +26,7 @@ from export.training.segmentation import (
 from export.training.segmentation_teacher import teach_views
 from lighting.model import pad_to_input, preprocess
 from lighting.photo.reader import photo_from_array
-from lighting.segmentation import SurfaceClass
+from lighting.prediction import SurfaceClass
 from tests.helpers.panoramas import ROW, write_index
 
 HEADER = "file,split,columns,rows,grid,weak,panorama,note\n"

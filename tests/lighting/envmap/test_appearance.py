@@ -17,8 +17,8 @@ from lighting.envmap.appearance import (
     sky_white_balance,
     snow_gain,
 )
+from lighting.prediction import SurfaceClass
 from lighting.records import Lighting
-from lighting.segmentation import SurfaceClass
 from tests.helpers.predictions import SKY_IRRADIANCE, stated_light
 
 LEVEL = np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(33.0)) * np.array([1.9, 1.5, 0.9])

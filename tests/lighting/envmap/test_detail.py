@@ -26,8 +26,8 @@ from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import angle_between, latlong_angles, latlong_directions
 from lighting.map_options import BACKDROPS
+from lighting.prediction import SurfaceClass
 from lighting.records import Lighting
-from lighting.segmentation import SurfaceClass
 from tests.helpers.predictions import stated_light
 
 HEIGHT = 128

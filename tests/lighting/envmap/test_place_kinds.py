@@ -9,7 +9,7 @@ from lighting.envmap.detail_library import load_detail_library
 from lighting.envmap.place_kinds import KIND_FEATURES, PLACE_KINDS, kind_features, kind_probability
 from lighting.estimator import Estimator
 from lighting.photo.reader import read_photo
-from lighting.segmentation import SurfaceClass
+from lighting.prediction import SurfaceClass
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

@@ -40,9 +40,9 @@ from lighting.geometry import (
     latlong_solid_angle,
 )
 from lighting.map_options import MapOptions
+from lighting.photo_estimate import render_map
 from lighting.record_json import record_with_coefficients
 from lighting.records import Lighting
-from lighting.rendered_map import render_map
 from lighting.sky import SKY_MODELS, Weather, sky_shape
 from lighting.sky.clear_sky import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
 from tests.conftest import scene

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import lighting.rendered_map as rendered_map
+import lighting.photo_estimate as photo_estimate
 from lighting.color import srgb_decode
 from lighting.envmap.detail_library import load_detail_library
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
@@ -229,7 +229,7 @@ def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(
         return replace(photo, pixels=PHOTO.repeat(2, axis=0).repeat(2, axis=1))
 
     monkeypatch.setattr(Photo, "reread", reread)
-    monkeypatch.setattr(rendered_map, "render_map", lambda _light, _options, context: shown.append(context))
+    monkeypatch.setattr(photo_estimate, "render_map", lambda _light, _options, context: shown.append(context))
     estimate(coarse_panorama(stated_light())).render(MapOptions(height))
     (context,) = shown
     assert context is not None
@@ -352,7 +352,7 @@ def test_a_view_is_the_map_of_its_record() -> None:
 
 
 def painted(light: Lighting, sky: str) -> tuple[np.ndarray, Lighting]:
-    rendered = rendered_map.render_map(light, MapOptions(32, sky=sky))
+    rendered = photo_estimate.render_map(light, MapOptions(32, sky=sky))
     return rendered.image, rendered.lighting
 
 

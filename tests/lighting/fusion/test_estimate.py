@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.decoding import sun_from_prediction
+from lighting.errors import warning_code
 from lighting.estimator import Estimator
 from lighting.fusion.estimate import _choose_lens, build_estimate, photo_temperature, refine_camera, screen_prediction
 from lighting.fusion.metadata_prior import observations_from_metadata
@@ -24,7 +25,6 @@ from lighting.photo.reader import photo_from_array
 from lighting.prediction import Light, Prediction
 from lighting.records import Lighting
 from lighting.sun_grid import soft_label
-from lighting.warning_codes import warning_code
 from tests.conftest import TINY
 from tests.helpers.cameras import poles
 from tests.helpers.predictions import METADATA, answer, clock, lobe_prediction, prediction

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lighting.errors import ParameterError
+from lighting.errors import ParameterError, warning_code
 from lighting.fusion.shadows import (
     LitSide,
     OwnShadow,
@@ -24,7 +24,6 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, Pinhole, angle_between, camera_pixel, direction, wrap_azimuth
 from lighting.prediction import Prediction
 from lighting.sun_grid import bayes_direction, grid_directions
-from lighting.warning_codes import warning_code
 from tests.conftest import TINY
 
 CAMERA = Pinhole(1200, 900, 55.0, 0.0, -9.0, 6.0)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.decoding import lighting_from_prediction
-from lighting.errors import ParameterError
+from lighting.errors import ParameterError, warning_code
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
@@ -29,7 +29,6 @@ from lighting.geometry import Pinhole, angle_between, angles, camera_pixel, dire
 from lighting.photo.metadata import PhotoMetadata
 from lighting.prediction import Prediction
 from lighting.sun_grid import HEADINGS, grid_directions, smooth_density, soft_label, von_mises
-from lighting.warning_codes import warning_code
 from tests.helpers.predictions import GRID, UNIFORM, are_equal, grid_prediction, lobe_prediction
 
 azimuths = st.floats(-180.0, 180.0)

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lighting.errors import warning_code
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.time_zones import OFFSET_RULES, clock_offsets, resolve_hemisphere
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import UTC_OFFSETS
 from lighting.photo.metadata import PhotoMetadata
-from lighting.warning_codes import warning_code
 from tests.helpers.predictions import METADATA, MORNING, ZONELESS, sun_at
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image, ImageDraw, ImageFilter
 
+from lighting.errors import warning_code
 from lighting.photo.borders import Rectangle, find_layout
 from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import PhotoCrop, photo_from_array, read_photo
-from lighting.warning_codes import warning_code
 from tests.conftest import encode, exif
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

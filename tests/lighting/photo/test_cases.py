@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
-from lighting.errors import PhotoError
+from lighting.errors import PhotoError, WarningCode, warning_code
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.instants import resolve_instants
 from lighting.fusion.metadata_prior import observations_single
@@ -25,7 +25,6 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, read_photo
 from lighting.photo.timestamps import to_utc
 from lighting.records import Lighting
-from lighting.warning_codes import WarningCode, warning_code
 from tests.conftest import encode, exif
 from tests.helpers.photos import packet
 from tests.helpers.predictions import lobe_prediction

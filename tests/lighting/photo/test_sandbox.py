@@ -23,12 +23,11 @@ import pytest
 from PIL import Image, ImageOps
 
 from benchmarks.fuzz import changed, fuzz, seeds
-from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError, warning_code
 from lighting.photo import sandbox
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, read_photo
 from lighting.photo.sandbox import _DecodeRequest, _DecoderProcess, read_photo_isolated, start_decoder_pool
-from lighting.warning_codes import warning_code
 from tests.conftest import encode, munich, scene
 from tests.helpers.processes import wait_until_ended
 

@@ -22,6 +22,7 @@ from lighting.geometry import (
     latlong_directions,
 )
 from lighting.ground import OBJECT_RADIUS
+from lighting.prediction import SurfaceClass
 from lighting.preview import spheres as spheres
 from lighting.preview.spheres import (
     DIFFUSE,
@@ -46,7 +47,6 @@ from lighting.preview.spheres import (
     sphere_centers,
 )
 from lighting.records import Lighting
-from lighting.segmentation import SurfaceClass
 from tests.helpers.predictions import stated_light
 from tests.helpers.scenes import outdoors
 

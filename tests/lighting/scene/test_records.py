@@ -26,9 +26,9 @@ from lighting.geometry import (
     to_z_up,
 )
 from lighting.photo.reader import Photo
+from lighting.prediction import SurfaceClass
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.scene.records import PLACEHOLDER_ALBEDO, make_scene
-from lighting.segmentation import SurfaceClass
 from tests.helpers.scenes import LIGHT, PLAIN, half_shaded_scene, plain_scene, shaded_spot_scene, sunlit_scene
 
 

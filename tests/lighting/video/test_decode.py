@@ -14,11 +14,10 @@ import pytest
 from PIL import Image
 
 from lighting.color import DECODE_CURVES, Curve, luminance, srgb_decode, srgb_encode
-from lighting.errors import VideoError
+from lighting.errors import VideoError, WarningCode
 from lighting.video import decode
 from lighting.video.decode import Clip, ClipForm, _readable, _to_srgb, _upright_pixels, local_address
 from lighting.video.framing import looks_logarithmic
-from lighting.warning_codes import WarningCode
 from tests.helpers.clips import Pixels, look, pan, write_clip
 from tests.helpers.pages import ROOT
 

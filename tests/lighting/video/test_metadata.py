@@ -11,6 +11,7 @@ import av
 import numpy as np
 import pytest
 
+from lighting.errors import WarningCode, warning_code
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.single_view import fuse
 from lighting.fusion.user_input import UserInput
@@ -28,7 +29,6 @@ from lighting.video.metadata import (
     xml_metadata,
 )
 from lighting.video.tracking import ClipMetadata
-from lighting.warning_codes import WarningCode, warning_code
 from tests.helpers.clips import pan, write_clip
 from tests.helpers.predictions import lobe_prediction
 

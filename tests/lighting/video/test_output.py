@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import lighting.envmap.latlong as latlong
-import lighting.rendered_map as rendered_map
+import lighting.photo_estimate as photo_estimate
 from lighting.cli import cli
 from lighting.color import SRGB_LINEAR
 from lighting.envmap.relighting import rotate_envmap
@@ -353,7 +353,7 @@ def test_what_was_done_before_an_interruption_stays(
             raise KeyboardInterrupt
         write_envmap(target, *rest, **options)
 
-    monkeypatch.setattr(rendered_map, "write_envmap", fail)
+    monkeypatch.setattr(photo_estimate, "write_envmap", fail)
     with pytest.raises(KeyboardInterrupt):
         output.process_video(
             output.VideoJob(path, tmp_path / "out", options=output.OutputOptions(MapOptions(32))), Model.load(network)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lighting.errors import ParameterError, PhotoError
+from lighting.errors import ParameterError, PhotoError, WarningCode
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, wrap_azimuth, zoomed_fov
 from lighting.model import Model
@@ -19,7 +19,6 @@ from lighting.video import tracking
 from lighting.video.observation import estimate_frame
 from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, BankKeyframe, KeyframeBank, Tracker
 from lighting.video.tracking import FrameRotation, Keyframe
-from lighting.warning_codes import WarningCode
 from tests.helpers.cameras import poles
 from tests.helpers.clips import FOV, Pixels, look, orientation, panorama, seen
 
