@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-import lighting.cli.inputs as inputs
-import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.photos import DOUBTED_STATUS, UNSUITABLE_STATUS
+from lighting.cli.photos import DOUBTED_STATUS, UNSUITABLE_STATUS, batch_input_options
 from lighting.files import FileOptions, escape_undecodable, join_words
 from lighting.map_options import MapOptions
 
@@ -72,9 +70,9 @@ class _Options:
     lighting batch photos results --parquet --workers 8
     """,
 )
-@click.argument("input", type=option_types.FileName())
-@click.argument("out", required=False, type=option_types.FileName(), callback=option_types.check_folder_name)
-@click.option("-o", "--output", metavar="OUT", callback=option_types.check_folder_name, help="The same as OUT.")
+@click.argument("input", type=common.FileName())
+@click.argument("out", required=False, type=common.FileName(), callback=common.check_folder_name)
+@click.option("-o", "--output", metavar="OUT", callback=common.check_folder_name, help="The same as OUT.")
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @common.map_options()
 @common.file_options("format", "compression", "colors")
@@ -85,11 +83,11 @@ class _Options:
     "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True, help="What runs the workers."
 )
 @click.option("--address", metavar="ADDRESS", help="Address of a Ray cluster; a local one is started by default.")
-@inputs.batch_input_options
+@batch_input_options
 @click.option(
     "--table",
     metavar="FILE.csv",
-    callback=option_types.check_file_name,
+    callback=common.check_file_name,
     help="What you know of single photos: a row each, with columns file, shadow, pick, time, latitude and so on.",
 )
 @common.model_option

@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING
 import click
 
 import lighting.cli.console as console
-import lighting.cli.inputs as inputs
-import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.option_types import usage_errors
-from lighting.cli.photos import estimate_file
+from lighting.cli.options import usage_errors
+from lighting.cli.photos import estimate_file, user_input_options
 from lighting.files import escape_undecodable, output_folder_error
 from lighting.map_options import MapOptions
 from lighting.scene import EXPORTERS
@@ -50,14 +48,14 @@ def _read_step(_ctx: click.Context, _param: click.Parameter, text: str) -> float
     lighting day photo.jpg --date 2026-03-20 --time 2024-06-01T18:30+02:00 --lat 48.14 --lon 11.58 -o march/
     """,
 )
-@click.argument("photo", metavar="PHOTO", type=option_types.FileName())
+@click.argument("photo", metavar="PHOTO", type=common.FileName())
 @common.folder_output("PHOTO-DATE")
 @click.option("--date", "day", required=True, metavar="YYYY-MM-DD", callback=_read_date, help="The day, there.")
 @click.option(
     "--every", default="1h", show_default=True, metavar="TIME", callback=_read_step, help="Between maps: 1h, 30min."
 )
 @common.map_options("height", "sky", "around")
-@inputs.user_input_options
+@user_input_options
 @common.model_option
 @common.json_option
 @common.silent_option

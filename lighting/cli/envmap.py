@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 import lighting.cli.console as console
-import lighting.cli.inputs as inputs
-import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.inputs import PhotoOptions
-from lighting.cli.option_types import usage_errors
-from lighting.cli.photos import estimate_file, process_photos
+from lighting.cli.options import usage_errors
+from lighting.cli.photos import PhotoOptions, estimate_file, photo_options, process_photos, user_input_options
 from lighting.files import FileOptions
 from lighting.map_options import DEFAULT_MAP, Around, MapOptions
 
@@ -35,8 +32,8 @@ if TYPE_CHECKING:
 )
 @common.file_output(outputs.MAPS, several=True)
 @common.file_options("compression", "colors")
-@inputs.photo_options()
-@click.option("--preview", metavar="FILE.png", callback=option_types.check_file_name, help="Also draw the preview.")
+@photo_options()
+@click.option("--preview", metavar="FILE.png", callback=common.check_file_name, help="Also draw the preview.")
 @click.pass_context
 def _envmap(ctx: click.Context, /, chosen: PhotoOptions, file: FileOptions, preview: str | None) -> None:
     """Render the environment map of each PHOTO."""
@@ -79,7 +76,7 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str) -> 
 )
 @common.file_output(outputs.PREVIEWS, several=True)
 @click.option("--candidates", is_flag=True, help="Draw the suns that --pick chooses from, side by side.")
-@inputs.photo_options("sun", "sky", "around", "backdrop", "adjustments")
+@photo_options("sun", "sky", "around", "backdrop", "adjustments")
 @click.pass_context
 def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> None:
     """Draw each PHOTO, its light and three spheres lit by it."""
@@ -110,18 +107,18 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> N
     lighting render light.json -o sky.exr               # the sky alone
     """,
 )
-@click.argument("record", metavar="LIGHTING.json", type=option_types.FileName())
+@click.argument("record", metavar="LIGHTING.json", type=common.FileName())
 @common.file_output(outputs.MAPS)
 @click.option(
     "--photo",
     metavar="PHOTO",
-    type=option_types.FileName(),
-    callback=option_types.check_file_name,
+    type=common.FileName(),
+    callback=common.check_file_name,
     help="The record's photo: the map then shows the place. Without it, sky and ground.",
 )
 @common.map_options()
 @common.file_options("compression", "colors")
-@inputs.user_input_options
+@user_input_options
 @common.model_option
 @common.json_option
 @common.silent_option
@@ -193,18 +190,18 @@ def _formats() -> list[str]:
     lighting light-probe light.json --for threejs
     """,
 )
-@click.argument("source", metavar="PHOTO|LIGHTING.json", type=option_types.FileName())
+@click.argument("source", metavar="PHOTO|LIGHTING.json", type=common.FileName())
 @click.option(
     "--for",
     "format",
     default="record",
     show_default=True,
-    type=option_types.RegistryChoice(_formats),
+    type=common.RegistryChoice(_formats),
     help="The engine that takes it.",
 )
 @common.record_output("Write it to FILE.json.  [default: stdout]")
 @common.map_options("sun", "around")
-@inputs.user_input_options
+@user_input_options
 @common.model_option
 @click.option("--json", is_flag=True, expose_value=False, help="JSON, which is all that it prints.")
 @common.silent_option

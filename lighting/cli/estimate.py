@@ -5,14 +5,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-import lighting.cli.inputs as inputs
-import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 import lighting.errors as errors
 from lighting.cli import cli, console
 from lighting.cli import options as common
-from lighting.cli.option_types import usage_errors
-from lighting.cli.photos import estimate_alone, lights_status, load_estimator
+from lighting.cli.options import usage_errors
+from lighting.cli.photos import (
+    estimate_alone,
+    headings_option,
+    lights_status,
+    load_estimator,
+    together_option,
+    user_input_options,
+)
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
@@ -91,15 +96,15 @@ def _refuse_fit(_ctx: click.Context, _param: click.Parameter, value: str | None)
     lighting estimate photo.jpg --time 2024-06-01T18:30+02:00 --lat 48.14 --lon 11.58
     """,
 )
-@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=option_types.FileName())
+@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=common.FileName())
 @common.record_output("Also write the record to FILE.json, those of several photos to FILE.jsonl.")
 @common.json_option
 @common.strict_option
 @common.require_option
-@inputs.together_option
-@inputs.headings_option
+@together_option
+@headings_option
 @click.option("--fit", hidden=True, expose_value=False, is_eager=True, callback=_refuse_fit, help="Removed.")
-@inputs.user_input_options
+@user_input_options
 @common.model_option
 @common.silent_option
 @click.pass_context

@@ -31,7 +31,7 @@ from lighting.cli.console import (
     read_lighting,
     read_picture_bytes,
 )
-from lighting.cli.option_types import FileName
+from lighting.cli.options import FileName
 from lighting.confinement import describe_confinement
 from lighting.errors import ErrorCode, LightingError, PhotoError, install_command
 from lighting.files import escape_undecodable

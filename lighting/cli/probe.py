@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-import lighting.cli.inputs as inputs
-import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import OLD_OPTIONS, Command, cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
-from lighting.cli.option_types import FiniteRange, Number
+from lighting.cli.options import FiniteRange, Number
+from lighting.cli.photos import check_coordinates, parse_time_option, parse_utc_offset_option
 from lighting.errors import ProbeError
 from lighting.files import escape_undecodable
 from lighting.start import silence_libraries
@@ -82,11 +81,11 @@ def _pair(text: str, what: str) -> tuple[float, float]:
     "--nd", default=0.0, type=Number("10"), show_default=True, metavar="STOPS", help="Filter before the lens."
 )
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
-@click.option("--time", metavar="TIME", callback=inputs.parse_time_option, help="2024-06-01T14:30+02:00. [EXIF]")
+@click.option("--time", metavar="TIME", callback=parse_time_option, help="2024-06-01T14:30+02:00. [EXIF]")
 @click.option(
     "--utc-offset",
     metavar="HOURS",
-    callback=inputs.parse_utc_offset_option,
+    callback=parse_utc_offset_option,
     help="Zone of local times: +02:00 or 2.",
 )
 @click.option("--latitude", "--lat", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
@@ -123,8 +122,8 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet:
     output = outputs.choose_folder(str(exposures[0]), output, ending)
     _check_output(output, series)
     _check_lens(options)
-    inputs.check_coordinates(options["latitude"], options["longitude"])
-    with option_types.usage_errors():
+    check_coordinates(options["latitude"], options["longitude"])
+    with common.usage_errors():
         stated = UserInput(**{name: options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")})
     if series and stated.time is not None:
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
@@ -172,7 +171,7 @@ def _settings(options: "Json") -> "BracketSettings":
     """The options as the library takes them; UsageError for numbers that no picture is taken by."""
     from lighting.probe.develop import BracketSettings
 
-    with option_types.usage_errors(ProbeError):
+    with common.usage_errors(ProbeError):
         return BracketSettings(**options)
 
 

@@ -8,13 +8,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import lighting.cli.console as console
-import lighting.cli.inputs as inputs
-import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import Command, cli
 from lighting.cli import options as common
-from lighting.cli.inputs import PhotoOptions
-from lighting.cli.photos import process_photos
+from lighting.cli.photos import PhotoOptions, photo_options, process_photos
 from lighting.scene import EXPORTERS, unsupported_options
 
 if TYPE_CHECKING:
@@ -67,7 +64,7 @@ def _tool_option(tool: str, name: str, option: "ExporterOption") -> click.Option
     "--for",
     "tool",
     required=True,
-    type=option_types.RegistryChoice(lambda: EXPORTERS),
+    type=common.RegistryChoice(lambda: EXPORTERS),
     help="The tool that opens the scene.",
 )
 @common.folder_output(
@@ -78,11 +75,11 @@ def _tool_option(tool: str, name: str, option: "ExporterOption") -> click.Option
     "--lighting",
     "record",
     metavar="LIGHTING.json",
-    type=option_types.FileName(),
-    callback=option_types.check_file_name,
+    type=common.FileName(),
+    callback=common.check_file_name,
     help="Take the light from this record. PHOTO gives the background and the ground.",
 )
-@inputs.photo_options("height", "sun", "sky", "around", "backdrop", "adjustments")
+@photo_options("height", "sun", "sky", "around", "backdrop", "adjustments")
 @click.pass_context
 def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str | None, **of_tool: Any) -> None:
     """Write a photo and its light as a scene for another tool.

@@ -17,7 +17,6 @@ from urllib.parse import quote
 
 import click
 
-import lighting.cli.option_types as option_types
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import check_photo_file, escape_path
@@ -40,7 +39,7 @@ _FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
     BROWSER=firefox lighting open photo.jpg
     """,
 )
-@click.argument("photo", required=False, metavar="[PHOTO]", type=option_types.FileName())
+@click.argument("photo", required=False, metavar="[PHOTO]", type=common.FileName())
 @common.json_option
 @common.silent_option
 def _open(photo: str | None, as_json: bool, quiet: bool) -> None:
@@ -132,7 +131,7 @@ def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> No
     lighting mcp photos/ < /dev/null                    # serves, as an assistant starts it
     """,
 )
-@click.argument("folders", nargs=-1, required=True, metavar="FOLDER...", type=option_types.FileName())
+@click.argument("folders", nargs=-1, required=True, metavar="FOLDER...", type=common.FileName())
 @click.option("--json", "as_json", is_flag=True, help="Print the settings, also where nobody reads them.")
 @click.option("-q", "--quiet", is_flag=True, help="No words beside the settings.")
 def _mcp(folders: tuple[str, ...], as_json: bool, quiet: bool) -> None:

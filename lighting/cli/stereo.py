@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-import lighting.cli.inputs as inputs
-import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.inputs import parse_utc_offset_option
-from lighting.cli.option_types import FiniteRange, Number, usage_errors
-from lighting.cli.options import quiet_option
+from lighting.cli.options import FiniteRange, Number, quiet_option, usage_errors
 from lighting.cli.outputs import write_bytes
+from lighting.cli.photos import check_coordinates, parse_utc_offset_option
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import escape_undecodable, output_folder_error
 from lighting.start import silence_libraries
@@ -89,7 +86,7 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
     help="Of the clock: +02:00 or 2; else the longitude's, or UTC of --probes.",
 )
 @click.option(
-    "-o", "--output", metavar="FILE.png", callback=option_types.check_file_name, help='Also draw it; "-" is stdout.'
+    "-o", "--output", metavar="FILE.png", callback=common.check_file_name, help='Also draw it; "-" is stdout.'
 )
 @common.overwrite_option
 @common.json_option
@@ -110,7 +107,7 @@ def _plan(
     if output is not None:
         outputs.check_file(output, outputs.PREVIEWS.suffixes)
         outputs.check_absent([output], overwrite=overwrite)
-    inputs.check_coordinates(options["latitude"], options["longitude"])
+    check_coordinates(options["latitude"], options["longitude"])
     with usage_errors():
         skies, question = _skies(**options), PlanRequest(facing, shots, noise)
     with silence_libraries() as stderr:
@@ -235,7 +232,7 @@ def _normals(
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
     from lighting.stereo.output import estimate_normals, write_normals
 
-    inputs.check_coordinates(options["latitude"], options["longitude"])
+    check_coordinates(options["latitude"], options["longitude"])
     folder = Path(outputs.choose_folder(str(day), output, "-normals"))
     if folder.resolve() == day.resolve():
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")

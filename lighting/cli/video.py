@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import lighting.cli.console as console
-import lighting.cli.inputs as inputs
-import lighting.cli.option_types as option_types
 import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.option_types import FiniteRange, RegistryChoice
-from lighting.cli.photos import lights_status
+from lighting.cli.options import FiniteRange, RegistryChoice
+from lighting.cli.photos import clip_input_options, lights_status
 from lighting.files import escape_undecodable, join_words, output_folder_error
 from lighting.map_options import Around
 from lighting.scene import EXPORTERS, animated_tools
@@ -46,7 +44,7 @@ def _curves() -> tuple[str, ...]:
     lighting video shot.mp4 -o dusk --sun -70,5 --exposure -1
     """,
 )
-@click.argument("clip", metavar="SHOT.mp4", type=option_types.FileName())
+@click.argument("clip", metavar="SHOT.mp4", type=common.FileName())
 @common.folder_output("SHOT-lighting")
 @click.option(
     "--every",
@@ -65,7 +63,7 @@ def _curves() -> tuple[str, ...]:
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
 @common.map_options("height", "sun", "around", "adjustments", without_detail=Around.PLAIN)
-@inputs.clip_input_options
+@clip_input_options
 @common.model_option
 @common.strict_option
 @common.json_option

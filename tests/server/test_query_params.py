@@ -14,7 +14,7 @@ import pytest
 from pydantic import ValidationError
 from starlette.testclient import TestClient
 
-from lighting.cli.inputs import _OPTIONS
+from lighting.cli.photos import _OPTIONS
 from lighting.envmap.relighting import adjust_lighting
 from lighting.envmap.render import render
 from lighting.estimator import Estimator
