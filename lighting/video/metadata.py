@@ -22,9 +22,9 @@ from lighting.color import LogCurve
 from lighting.errors import CodedWarning, WarningCode
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.photo.camera import vertical_fov_from_focal_length
+from lighting.photo.clock import Stamp, read_stamp
 from lighting.photo.imu import heading_from_gimbal
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.timestamps import Stamp, read_stamp
 
 _Value = TypeVar("_Value")
 QUICKTIME = "com.apple.quicktime."
