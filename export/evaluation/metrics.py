@@ -227,7 +227,7 @@ def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
     errors = np.abs(answers.camera - truth.camera)
     areas = [(name, errors[:, column], limit) for name, column in ANGLES.items() for limit in UP_TO]
     scores = {f"{name} AUC {limit:g}°": _recall_area(values, limit) for name, values, limit in areas}
-    ends, true_ends = (_horizon_ends(of.camera, truth.aspect) for of in (answers, truth))
+    ends, true_ends = (horizon_ends(of.camera, truth.aspect) for of in (answers, truth))
     horizon = np.abs(ends - true_ends).max(axis=1)
     cameras = truth.camera, answers.camera
     return {
@@ -250,10 +250,12 @@ def _horizontal_fov(camera: Floats, aspect: Floats) -> Floats:
     return np.asarray(np.degrees(2 * np.arctan(aspect * np.tan(np.radians(camera[:, 2]) / 2))))
 
 
-def _horizon_ends(camera: Floats, aspect: Floats) -> Floats:
+def horizon_ends(camera: Floats, aspect: Floats) -> Floats:
     """Heights (N, 2) of the horizon at the picture's left and right edge, in picture heights above its centre.
 
-    `camera` (N, 3) holds elevation, roll and vertical field of view in deg, `aspect` (N,) width over height.
+    Args:
+        camera: (N, 3) elevation, roll and vertical field of view, deg.
+        aspect: (N,) width over height.
     """
     elevation, roll, fov = np.radians(camera).T
     focal = 0.5 / np.tan(fov / 2)

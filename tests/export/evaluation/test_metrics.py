@@ -16,6 +16,7 @@ from export.evaluation.metrics import (
     elevation_error,
     figures_table,
     format_interval,
+    horizon_ends,
     markdown_table,
     median_interval,
     select_crops,
@@ -41,16 +42,18 @@ def test_the_area_under_the_recall_of_errors() -> None:
     assert scores["elevation AUC 5°"] == pytest.approx(25.0)
 
 
-@pytest.mark.parametrize(("elevation", "roll"), [(12.0, 0.0), (-8.0, 0.0), (-8.0, 15.0), (8.0, 15.0)])
+@pytest.mark.parametrize(("elevation", "roll"), [(12.0, 0.0), (-8.0, 0.0), (-8.0, 15.0), (8.0, 15.0), (8.0, -15.0)])
 def test_the_horizon_is_where_the_camera_sees_elevation_zero(elevation: float, roll: float) -> None:
-    """That of a level camera crosses the middle of the picture."""
+    """That of a level camera crosses the middle of the picture; one that looks up sees it below."""
     width, height = 400, 300
     rays = camera_directions(Pinhole(width, height, 60.0, 0.0, elevation, roll))
     rows = np.array([np.argmin(np.abs(rays[:, column, 1])) for column in (0, width - 1)])
     assert ((rows > 0) & (rows < height - 1)).all()
-    off = 100 * np.abs(0.5 - (rows + 0.5) / height).max()
-    scores = cameras_score([0.0, 0.0, 60.0], [elevation, roll, 60.0], width / height)
-    assert scores["horizon off %"] == pytest.approx(off, abs=1.0)
+    ends = 0.5 - (rows + 0.5) / height
+    camera, aspect = [elevation, roll, 60.0], width / height
+    np.testing.assert_allclose(horizon_ends(np.array([camera]), np.array([aspect])), [ends], atol=0.01)
+    scores = cameras_score([0.0, 0.0, 60.0], camera, aspect)
+    assert scores["horizon off %"] == pytest.approx(100 * np.abs(ends).max(), abs=1.0)
 
 
 def test_a_perfect_camera_scores_full_marks() -> None:
