@@ -17,7 +17,7 @@ from lighting.model import Model, model_or_packaged, preprocess
 from lighting.photo.reader import Photo, Source, check_photo, photo_from_array, read_photo
 from lighting.prediction import Prediction
 from lighting.records import Lighting, check_lighting
-from lighting.runtime import ONE_BLAS_THREAD
+from lighting.runtime import ONE_BLAS_THREAD, return_memory
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -211,6 +211,7 @@ def estimate_once(
     loading = thread.submit(load)
     photo = read()
     network = loading.result()
+    return_memory()  # what opening it took, before it takes more
     predictions = thread.submit(network.predict, preprocess(photo, network.spec))
     del loading, network
     from lighting.fusion.estimate import refine_prediction

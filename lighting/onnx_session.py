@@ -70,7 +70,7 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> On
     if not for_one_run:
         options.add_session_config_entry("session.disable_quant_qdq", "1")  # weights are widened once, not in each run
     options.add_session_config_entry("session.disable_prepacking", "1")
-    options.enable_cpu_mem_arena = options.enable_mem_pattern = not for_one_run  # planned for further runs
+    options.enable_mem_pattern = not for_one_run  # is for further runs
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")

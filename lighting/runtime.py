@@ -150,23 +150,20 @@ def limit_address_space(size: int, pid: int | None = None) -> None:
         resource.prlimit(pid or 0, resource.RLIMIT_AS, (size, hard if pid else size))
 
 
-def keep_memory(heaps: int = 1) -> None:
-    """Reuse freed memory, in few heaps for all threads; only where the C library is glibc.
+def keep_memory() -> None:
+    """Reuse freed memory, in one heap for all threads; only where the C library is glibc.
 
     By itself glibc takes each large buffer from the system and gives it back, in one heap per thread; taking fresh
-    pages costs as much as filling them.
-
-    Args:
-        heaps: 1 takes the least memory; with 2, a thread that loads a network does not wait for one that imports.
+    pages costs as much as filling them. What other heaps than the first have at their end, they never give back.
     """
     keep = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if keep:  # musl has none
-        for option, value in ((_M_ARENA_MAX, heaps), (_M_TRIM_THRESHOLD, _KEPT), (_M_MMAP_THRESHOLD, _BUFFER)):
+        for option, value in ((_M_ARENA_MAX, 1), (_M_TRIM_THRESHOLD, _KEPT), (_M_MMAP_THRESHOLD, _BUFFER)):
             keep(option, value)
 
 
 def reserve_heap(blocks: int) -> None:
-    """Let the heap of this thread grow at once, after `keep_memory`, and not by single pages while it is used.
+    """Let the heap grow at once, after `keep_memory`, and not by single pages while it is used.
 
     What is reserved takes no memory before it is written, and then in large pages, for which NumPy asks the system.
 

@@ -42,7 +42,7 @@ def prepare_process(command: str) -> None:
     ONE_BLAS_THREAD.is_given = os.environ["OPENBLAS_NUM_THREADS"] == "1"
     if command in _BRIEF_COMMANDS:
         gc.set_threshold(_GC_THRESHOLD)
-        keep_memory(heaps=2)
+        keep_memory()
     elif command == "video":
         keep_memory()
 
@@ -80,8 +80,7 @@ def start_network(command: str) -> StartedNetwork | None:
         file = packaged_network(DATA_FOLDER, "outdoor")
         thread = ThreadPoolExecutor(1)
         if command in _BRIEF_COMMANDS:
-            thread.submit(reserve_heap, 1)
-            reserve_heap(1)
+            reserve_heap(2)
         return StartedNetwork(thread, thread.submit(create_session, file, 0, for_one_run=True))
     return None
 

@@ -15,6 +15,7 @@ from lighting.cli.options import usage_errors
 from lighting.cli.photos import PhotoOptions, estimate_file, photo_options, process_photos, user_input_options
 from lighting.files import FileOptions
 from lighting.map_options import DEFAULT_MAP, Around, MapOptions
+from lighting.runtime import return_memory
 
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
@@ -46,6 +47,7 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, file: FileOptions, prev
     def work(number: int, name: str, estimate: "Estimate") -> list[str]:
         output = names[number]
         _make_parent(output)
+        return_memory()  # the network's
         _write_map(output, estimate.render(chosen.view), files[number])
         written = {"output": output}
         if preview:
