@@ -179,6 +179,11 @@ def heic(folder: Path) -> str:
     return ""
 
 
+def read_path(text: str) -> list[float]:
+    """The numbers of a line that is drawn as SVG."""
+    return [float(number) for number in re.findall(r"-?[\d.]+", text)]
+
+
 def small_photo(orientation: int) -> tuple[Image.Image, Image.Exif]:
     """A small photo and the EXIF block of the original, with another orientation."""
     with Image.open(NOON) as original:
@@ -448,6 +453,21 @@ class TestTools:
         assert seen["drawn"] == ["Shadow \N{MULTIPLICATION SIGN}"]
         assert seen["asked"] >= 1
 
+    def test_a_drawn_shadow_may_be_a_guess(self, seen: Seen) -> None:
+        sure, asked, guessed, undone = seen["guess"]
+        assert sure == undone == [False, 0]
+        assert re.fullmatch(r"doubt:(\d+\.\d,){3}\d+\.\d", asked)
+        assert guessed == [True, 1]  # and dashed
+
+    def test_a_tap_adds_the_border_of_a_lit_side_and_the_sun_follows_it(self, seen: Seen) -> None:
+        text, direction, is_guess_hidden, dragged, moved = seen["border"]
+        assert text.startswith("lit:")
+        shaded, lit, border = (float(text.removeprefix("lit:").split(",")[i]) for i in (0, 2, 4))
+        assert border == pytest.approx(shaded + 0.05 / 0.08 * (lit - shaded), abs=2)
+        assert is_guess_hidden
+        assert dragged != direction
+        assert float(moved.split(",")[4]) < border
+
     def test_every_kind_of_shadow_is_drawn(self, seen: Seen) -> None:
         with_top, *others = seen["otherShadows"]
         assert len(with_top.split(",")) == 6
@@ -480,6 +500,12 @@ class TestTools:
         assert first_moved == first
         assert second_moved.split(",")[:2] == second.split(",")[:2]
         assert float(second_moved.split(",")[2]) < float(second.split(",")[2])
+
+    def test_the_camera_follows_edges_while_they_are_drawn(self, seen: Seen) -> None:
+        before, while_first, with_first, while_second, with_both = map(read_path, seen["cameras"][:5])
+        assert before != while_first
+        assert while_first == pytest.approx(with_first, abs=1)  # pixels, against the service's answer
+        assert while_second == pytest.approx(with_both, abs=1)
 
     def test_two_level_edges_are_stated_together(self, seen: Seen) -> None:
         asked, lines = seen["level"]

@@ -34,6 +34,7 @@ export async function visit(browser, url, seen, { street }) {
   seen.trust.push(await page.textContent("#trust"));
   seen.evidence = await page.textContent("#evidence");
   seen.asked = page.requests.filter((address) => address.includes("shadow=")).length;
+  await doubtShadow(page, seen);
   await stated(page, () => page.click("#undo"), 0);
   seen.trust.push(await page.textContent("#trust"));
 
@@ -58,6 +59,16 @@ export async function visit(browser, url, seen, { street }) {
   await page.context().close();
 }
 
+/** A shadow that is drawn is said to be a guess, and that is undone. */
+async function doubtShadow(page, seen) {
+  const look = async () => [await page.isChecked("#guess"), await page.locator("#pad .guess").count()];
+  seen.guess = [await look()];
+  await restated(page, "shadow", () => page.check("#guess"));
+  seen.guess.push(lastAsked(page, "shadow"), await look());
+  await page.click("#undo");
+  seen.guess.push(await look());
+}
+
 /** Each other kind of shadow once, and what the service is asked then; all of them taken away by one button. */
 async function drawOtherShadows(page, seen) {
   const gestures = {
@@ -80,8 +91,25 @@ async function drawOtherShadows(page, seen) {
       }
     });
     seen.otherShadows.push(lastAsked(page, "shadow"));
+    if (label.includes("wall")) await drawBorder(page, seen);
     await stated(page, () => page.click("#drawn button"), 0);
   }
+}
+
+/** The border of the lit side that was drawn last, by one tap, and the sun that follows while an end of it is dragged. */
+async function drawBorder(page, seen) {
+  let at = await picture(page);
+  await restated(page, "shadow", () => page.mouse.click(...at(0.25, 0.5)));
+  at = await picture(page); // which another answer may have moved
+  seen.border = [lastAsked(page, "shadow"), await direction(page), await page.isHidden("#guess-label")];
+  await page.mouse.move(...at(0.25, 0.5));
+  await page.mouse.down();
+  await page.mouse.move(...at(0.21, 0.5), { steps: 3 });
+  seen.border.push(await direction(page));
+  await restated(page, "shadow", () => page.mouse.up());
+  seen.border.push(lastAsked(page, "shadow"));
+  await page.click("#undo");
+  await page.click("#undo");
 }
 
 /** The estimated horizon dragged as a whole, by one end, and by keys: what the page shows meanwhile, and each undone at once. */
@@ -120,14 +148,20 @@ async function dragHorizon(page, seen) {
 /** Two upright edges, an end of one of them dragged, and two level edges. */
 async function drawEdges(page, seen) {
   await page.selectOption("#kinds", { label: "Upright edges" });
+  seen.cameras = [];
+  const noteCamera = async () => seen.cameras.push(await page.locator("#marks path.line").getAttribute("d"));
   const drawTo = async (from, to) => {
     const at = await picture(page);
+    await noteCamera();
     await page.mouse.move(...at(...from));
     await page.mouse.down();
     await page.mouse.move(...at(...to), { steps: 3 });
+    await page.waitForTimeout(100);
+    await noteCamera();
     await page.mouse.up();
   };
   for (const right of [0.05, 0.77]) await restated(page, "vertical", () => drawTo([right, 0.95], [right, 0.2]));
+  await noteCamera();
   seen.upright = [
     await page.locator("#drawn button").allTextContents(),
     lastAsked(page, "vertical"),

@@ -52,7 +52,7 @@ import { MetadataView, showNumbers } from "./views/metadata";
 import { ObjectView } from "./views/object";
 import { Sliders } from "./views/sliders";
 import { PhotoTable, type Row } from "./views/table";
-import { Tools } from "./views/tools";
+import type { Tools } from "./views/tools";
 import { listenForUploads, showMatching, showPhotos } from "./views/upload";
 
 interface EstimateRequest {
@@ -66,6 +66,7 @@ let answers: History<Session> | undefined; // about the photos on show
 let lastRequest: EstimateRequest | undefined;
 let lastQuestion: [PhotoView, string] | undefined; // whose light was asked for last, and which
 let awaited: Project | undefined; // whose photo has not come yet
+let tools: Tools | undefined; // once there is something to draw on
 let answerCount = 0; // each answer is a step of its own
 let lastLight = ""; // the photo and the light that were shown last
 
@@ -80,11 +81,6 @@ const sliders = new Sliders(editLight);
 const day = new DayView(({ azimuth, elevation }) =>
   editLight({ sun_azimuth: azimuth, sun_elevation: elevation, sun: true }, "hour"),
 );
-const tools = new Tools({
-  preview: previewGesture,
-  forward: (event) => sunHandle.drag(event),
-  state: restate,
-});
 const object = new ObjectView(editState, showError, requestMap);
 const downloads = new Downloads(settleLight, showError, () => object.drawTurntable());
 const metadata = new MetadataView(restate);
@@ -241,6 +237,8 @@ async function runEstimate(request: EstimateRequest, signal: AbortSignal): Promi
   const project = (await isAwaited(files)) ? awaited : undefined;
   const userInput = project ? projectInput(project) : request.userInput;
   const startTime = performance.now();
+  const loading = import("./views/tools");
+  loading.catch(() => {}); // thrown below, after the service's own errors
   const decoding = before ? Promise.resolve([]) : Promise.all(files.map((file) => decodePhoto(file, signal)));
   decoding.catch(() => {}); // thrown below: the service's error comes first, for it names the photo
   const known = userInput === NO_USER_INPUT && row?.estimate;
@@ -254,7 +252,9 @@ async function runEstimate(request: EstimateRequest, signal: AbortSignal): Promi
       return createView(photo, estimate, userInput, files.length > 1, earlier);
     }),
   );
+  const { Tools } = await loading;
   if (signal.aborted) return;
+  tools ??= new Tools({ preview: previewGesture, forward: (event) => sunHandle.drag(event), state: restate });
   showSession({ views, index: before?.index ?? 0 }, before, row);
   if (project) editState(project.edits, "project");
   else if (awaited && !before) showError(anotherPhoto(awaited.photo));
@@ -319,7 +319,7 @@ function showPhoto(index: number): void {
   table.mark(answers);
   showNumbers(estimate);
   candidates.show(estimate);
-  tools.show(view, session.views.length === 1);
+  tools?.show(view, session.views.length === 1);
   day.show(view, session.views.length === 1);
   metadata.show(session, view);
   dome.show(estimate, aspectRatio(photo));
@@ -471,7 +471,7 @@ function failRequest(error: unknown): void {
   const view = currentView();
   if (view) {
     delete view.live;
-    tools.show(view, answers?.state.views.length === 1);
+    tools?.show(view, answers?.state.views.length === 1);
     refresh();
   }
   showError(error);

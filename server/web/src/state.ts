@@ -45,6 +45,7 @@ export interface PhotoView {
   userInput: UserInput; // of its estimate
   together: boolean; // whether it was estimated together with others
   estimate: Estimate;
+  pixelCamera: Camera; // without the lines that the user drew, if an answer without them was on show
   history: History<EditState>;
   live?: Live; // of the gesture under way, or of the one that the service is asked about
   irradiances: Irradiances; // of the light on show
@@ -83,8 +84,10 @@ export function createView(
         : parametersFromRecord(estimate),
     placement: (before && keptPlacement(before, estimate)) ?? placementOf(estimate, photo),
   };
+  const isDrawn = Boolean(userInput.horizon || userInput.vertical);
   return {
     ...{ photo, userInput, together, estimate, history: new History(initial) },
+    pixelCamera: (isDrawn && before?.pixelCamera) || estimate.camera,
     irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] },
     groundMask: SUNLIT,
   };

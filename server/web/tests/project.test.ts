@@ -19,7 +19,12 @@ const STATE: EditState = {
   placement: { position: [0.5, -1.6, -4], radius: 0.3, rotation: 20, grounded: true },
   ...{ shape: "teapot", finish: "glossy", inSun: false },
 };
-const INPUT = { ...NO_USER_INPUT, shadow: "310,400,455,385", latitude: "48.14", longitude: "11.58" };
+const INPUT = {
+  ...NO_USER_INPUT,
+  shadow: "doubt:310,400,455,385;lit:500,300,560,300,520,300",
+  latitude: "48.14",
+  longitude: "11.58",
+};
 const PHOTO = { name: "Straße.jpg", bytes: 9, crc32: 0xcbf43926 };
 const PROJECT = buildProject(PHOTO, INPUT, STATE);
 

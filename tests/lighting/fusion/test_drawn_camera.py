@@ -4,6 +4,8 @@ import json
 import math
 import struct
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ from lighting.fusion.fspy import read_fspy
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, Pinhole, camera_pixel, direction, pixel_ray
 
+CASES = json.loads(Path(__file__).with_name("drawn_cameras.json").read_text())
 TRUE = Pinhole(1200, 900, 52.0, 0.0, -7.0, 4.0)
 GUESS = replace(TRUE, vertical_fov=57.0, elevation=1.0, roll=0.0)  # by the pixels, wrong
 
@@ -46,6 +49,19 @@ def on_ground(azimuth: float, distance: float, height: float = 0.0) -> tuple[flo
     """The pixel of a point that far from a camera 1.6 m above the ground, at a height [m]."""
     level = distance * direction(azimuth, 0.0)
     return pixel((level + np.array([0.0, height - 1.6, 0.0])) / math.hypot(distance, height - 1.6))
+
+
+@pytest.mark.parametrize("case", CASES["cases"], ids=lambda case: case["name"])
+def test_the_page_finds_the_same_camera_while_lines_are_drawn(case: dict[str, Any]) -> None:
+    """The page's own test reads the same file."""
+    elevation, roll, fov = CASES["pixels"]
+    drawn = DrawnCamera(
+        tuple(case["horizon"]) if case["horizon"] else None,
+        tuple(map(tuple, case["verticals"])),
+        tuple(LevelLines(tuple(map(tuple, group))) for group in case["levels"]),
+    )
+    fitted = fit_camera(Pinhole(*CASES["size"], fov, 0.0, elevation, roll), drawn, lens_known=case["lens_known"])
+    assert [fitted.elevation, fitted.roll, fitted.vertical_fov] == pytest.approx(case["camera"], abs=1e-3)
 
 
 def test_a_drawn_horizon_tilts_the_camera() -> None:

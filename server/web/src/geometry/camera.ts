@@ -1,6 +1,6 @@
 /** The pinhole camera of a photo: where directions lie in it. Pixels are continuous, (0, 0) is the top left corner. */
 
-import { combine, cross, degrees, direction, dot, radians, type Vector } from "./angles";
+import { combine, cross, direction, dot, radians, type Vector } from "./angles";
 
 /** As in the record: elevation positive looks up, roll positive turns the camera clockwise; degrees. */
 export interface Camera {
@@ -46,7 +46,7 @@ export function pixelRay([x, y]: Point, camera: Camera, size: Size): Vector {
   return combine([x - size.width / 2, right], [size.height / 2 - y, up], [focalLength(camera, size), forward]);
 }
 
-function focalLength(camera: Camera, size: Size): number {
+export function focalLength(camera: Camera, size: Size): number {
   return size.height / 2 / Math.tan(radians(camera.vertical_fov) / 2);
 }
 
@@ -55,16 +55,6 @@ export function horizon(camera: Camera, size: Size): [Point, Point] | null {
   const left = project(direction(-85, 0), camera, size);
   const right = project(direction(85, 0), camera, size);
   return left && right ? [left, right] : null;
-}
-
-/** The camera whose horizon is the line through two pixels, the sky above it; its lens and height stay. */
-export function levelCamera(camera: Camera, [from, to]: readonly [Point, Point], size: Size): Camera {
-  const [left, right] = from[0] <= to[0] ? [from, to] : [to, from];
-  const focal = focalLength(camera, size);
-  const ray = ([x, y]: Point): Vector => [x - size.width / 2, size.height / 2 - y, -focal]; // in the camera's own frame
-  const up = cross(ray(right), ray(left));
-  const [x, y, z] = combine([1 / Math.hypot(...up), up]);
-  return { ...camera, elevation: degrees(Math.asin(-z)), roll: degrees(Math.atan2(-x, y)) };
 }
 
 export interface SunMark {

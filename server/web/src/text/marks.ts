@@ -34,3 +34,8 @@ function writeMark({ prefix, points, meters }: Mark): string {
 /** The same marks, each point where `move` puts it. */
 export const moveMarks = (marks: readonly Mark[], move: (point: Point, end: End) => Point): Mark[] =>
   marks.map((mark, i) => ({ ...mark, points: mark.points.map((point, j) => move(point, [i, j])) }));
+
+/** Whether a mark is of a shadow with its foot, which may be a guess. */
+export const hasFoot = ({ prefix }: Mark): boolean => prefix === "" || prefix === GUESS;
+
+export const GUESS = "doubt:"; // the prefix of a shadow whose foot or tip is one

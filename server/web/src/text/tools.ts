@@ -58,10 +58,10 @@ export const KINDS: Record<"shadow" | "horizon" | "size", Kind[]> = {
     },
     {
       name: "Shadow on a wall, post or trunk",
-      help: "Drag from the side in shade to the side in light.",
+      help: "Drag from its edge in shade to its edge in light. If you see where shade turns into light, tap there.",
       field: "shadow",
       prefix: "lit:",
-      ends: ["side in shade", "side in light"],
+      ends: ["edge in shade", "edge in light", "border"],
     },
   ],
   horizon: [

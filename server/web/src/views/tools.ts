@@ -2,17 +2,19 @@
 
 import { addRadioButtons, arrowStep, byId, createElement, createSvg, drawPath, findRadio } from "../dom";
 import { clamp } from "../geometry/angles";
-import { levelCamera, type Point, type Size } from "../geometry/camera";
-import { horizonEnds, shadowAzimuth } from "../geometry/marks";
+import type { Point, Size } from "../geometry/camera";
+import { fitCamera, heightByReference, type Line } from "../geometry/fit";
+import { horizonEnds, markedSun } from "../geometry/marks";
 import type { ImagePart } from "../photo";
 import type { Live, PhotoView } from "../state";
-import { type End, type Mark, moveMarks, readMarks, writeMarks } from "../text/marks";
+import { type End, GUESS, hasFoot, type Mark, moveMarks, readMarks, writeMarks } from "../text/marks";
 import { DRAWN_FIELDS, type DrawnField, type UserInput } from "../text/metadata";
 import { HELP, KINDS, type Kind, LISTS, NAMES, TOOLS, type Tool } from "../text/tools";
 import { Loupe } from "./loupe";
 
 const SHORTEST = 12; // CSS pixels of a drag that counts
 const GRIP = 28; // CSS pixels around an end, from which a finger drags it
+const END = 7; // CSS pixels, the radius of an end
 const STEP = 1; // CSS pixels of a key; with Shift ten of them
 const REST = 600; // ms without a key, after which the service is asked
 
@@ -32,11 +34,14 @@ export class Tools {
   private readonly loupe = new Loupe();
   private readonly meters = byId<HTMLInputElement>("meters");
   private readonly kinds = byId<HTMLSelectElement>("kinds");
+  private readonly guess = byId<HTMLInputElement>("guess");
   private view: PhotoView | undefined;
   private asked: UserInput | undefined; // by what was drawn last, until that is answered
   private tool: Tool = "place";
   private size: Size = { width: 0, height: 0 }; // of the pad, CSS pixels
   private drag: Drag | undefined;
+  private pressed: Point = [0, 0]; // where the pointer went down, on the pad
+  private touched = 0; // the mark that was drawn or dragged last
   private first: Point[] = []; // of two lines, the one that was drawn
   private resting: ReturnType<typeof setTimeout> | undefined; // after a key
 
@@ -47,9 +52,14 @@ export class Tools {
     this.pad.addEventListener("pointerup", (event) => this.finish(event));
     this.pad.addEventListener("pointercancel", () => this.clear());
     this.kinds.addEventListener("change", () => this.explain());
+    this.meters.addEventListener("input", () => this.preview());
     byId("size-form").addEventListener("submit", (event) => {
       event.preventDefault();
-      if (this.drag && "points" in this.drag) this.state(this.withNew(this.drag.points, this.meters.value));
+      if (this.drag && "points" in this.drag) this.stateNew(this.drag.points);
+    });
+    this.guess.addEventListener("change", () => {
+      const prefix = this.guess.checked ? GUESS : "";
+      this.stateMarks(this.marks.map((mark, i) => (i === this.touched ? { ...mark, prefix } : mark)));
     });
     new ResizeObserver(() => {
       this.measure();
@@ -63,6 +73,7 @@ export class Tools {
     const isOther = view.photo !== this.view?.photo;
     this.view = view;
     this.asked = undefined;
+    this.touched = Math.min(this.touched, readMarks(view.userInput.shadow).length - 1);
     if (isOther) this.explain();
     const draws = alone && view.photo.area !== undefined;
     for (const tool of Object.keys(KINDS)) findRadio(byId("tools"), tool).disabled = !draws;
@@ -120,9 +131,8 @@ export class Tools {
   /** The marks that can be dragged: of the tool's field, and the estimated horizon until one is stated. */
   private get marks(): Mark[] {
     if (this.drag && "marks" in this.drag) return this.drag.marks;
-    if (!this.kind || !this.said || !this.view) return [];
-    const stated = readMarks(this.said[this.kind.field]);
-    if (this.kind.field !== "horizon" || stated.length) return stated;
+    const { stated } = this;
+    if (!this.view || this.kind?.field !== "horizon" || stated.length) return stated;
     const points = horizonEnds(this.view.estimate.camera, this.size).map((point) => this.toPhoto(point));
     return [{ prefix: "", points, meters: "" }];
   }
@@ -136,12 +146,14 @@ export class Tools {
       return;
     }
     const at = this.pointOf(event);
+    this.pressed = at;
     const { marks } = this;
     const end = this.endAt(at, marks);
     byId("size-form").hidden = true;
     if (end) {
       const [x, y] = this.toPad(pointAt(marks, end));
       this.drag = { end, away: [x - at[0], y - at[1]], marks };
+      this.touched = end[0];
     } else if (this.kind?.field === "horizon") this.drag = { from: this.toPhoto(at), marks };
     else this.drag = { points: [this.toPhoto(at)] };
     this.follow(event);
@@ -192,29 +204,64 @@ export class Tools {
     return moveMarks(marks, ([x, y]) => [x, y + most]);
   }
 
-  /** Shows at once what follows from a horizon or from a shadow with its foot. */
+  /** Shows at once what follows from what is drawn or dragged. */
   private preview(): void {
     const { view, kind, drag } = this;
-    if (!view || !drag) return;
-    const moved = "points" in drag ? undefined : drag.marks["end" in drag ? drag.end[0] : 0];
-    const [from, to] = (moved?.points ?? ("points" in drag ? drag.points : [])).map((point) => this.toPad(point));
-    if (!from || !to || Math.hypot(to[0] - from[0], to[1] - from[1]) < SHORTEST) return;
-    const { camera } = view.estimate;
-    if (kind?.field === "horizon") this.actions.preview({ camera: levelCamera(camera, [from, to], this.size) });
-    else if (kind?.field === "shadow" && !(moved ?? kind).prefix) {
-      const azimuth = shadowAzimuth(from, to, camera, this.size);
-      if (azimuth !== undefined) this.actions.preview({ parameters: { sun_azimuth: azimuth, sun: true } });
+    if (!view || !kind || !drag) return;
+    const marks = "points" in drag ? this.withNew(drag.points) : drag.marks;
+    const mark = marks["points" in drag ? marks.length - 1 : "end" in drag ? drag.end[0] : 0];
+    if (!mark || !this.isLongEnough(mark.points)) return;
+    const live = this.liveOf(view, kind, marks, mark);
+    if (live) this.actions.preview(live);
+  }
+
+  /** What a mark of a tool says of light or camera, beside all lines that are drawn. */
+  private liveOf(view: PhotoView, { field }: Kind, marks: Mark[], mark: Mark): Live | undefined {
+    const [points, { camera, sun }] = [this.onPad(mark), view.estimate];
+    if (field === "shadow") {
+      const marked = markedSun({ ...mark, points }, camera, this.size, sun.azimuth);
+      if (!marked) return undefined;
+      const { azimuth = sun.azimuth, elevation } = marked;
+      return {
+        parameters: {
+          sun_azimuth: azimuth,
+          ...(elevation === undefined ? {} : { sun_elevation: elevation }),
+          sun: true,
+        },
+      };
     }
+    if (field === "reference") {
+      const meters = Number(mark.meters);
+      const height = heightByReference(points as unknown as Line, meters, mark.prefix !== "", camera, this.size);
+      return height === undefined ? undefined : { camera: { ...camera, height } };
+    }
+    const linesOf = (one: Mark): Line[] => {
+      const ends = this.onPad(one);
+      return ends.flatMap((end, i) => (i % 2 ? [[ends[i - 1] as Point, end] as const] : []));
+    };
+    const all = (name: DrawnField): Mark[] => (name === field ? marks : readMarks(this.said?.[name] ?? ""));
+    const edges = all("vertical").map((one) => ({ ...one, lines: linesOf(one) }));
+    const fitted = fitCamera(
+      view.pixelCamera,
+      {
+        horizon: all("horizon").flatMap(linesOf)[0],
+        verticals: edges.filter(({ prefix }) => !prefix).flatMap(({ lines }) => lines),
+        levels: edges.filter(({ prefix, lines }) => prefix && lines.length > 1).map(({ lines }) => lines),
+      },
+      this.size,
+      view.estimate.evidence.includes("focal length"),
+    );
+    return fitted && { camera: { ...fitted, ...(camera.height === undefined ? {} : { height: camera.height }) } };
   }
 
   private finish(event: PointerEvent): void {
     this.loupe.hide();
     const { drag, kind } = this;
     if (this.tool === "sun") this.actions.forward(event);
-    else if (drag && kind && "marks" in drag) this.stateMarks(drag.marks);
-    else if (!drag || !kind || !("points" in drag)) this.clear();
-    else if (kind.ends.length === 1 + this.first.length)
-      this.state(this.withNew([...this.first, ...drag.points.slice(-1)]));
+    else if (!drag || !kind) this.clear();
+    else if (this.isBorder(event)) this.stateBorder();
+    else if ("marks" in drag) this.stateMarks(drag.marks);
+    else if (kind.ends.length === 1 + this.first.length) this.stateNew(drag.points);
     else if (!this.isLongEnough(drag.points)) this.clear();
     else if (this.tool === "size") {
       byId("size-form").hidden = false;
@@ -224,15 +271,47 @@ export class Tools {
       this.first = drag.points;
       byId("tool-help").textContent = kind.next;
       this.clear();
-    } else this.state(this.withNew([...this.first, ...drag.points]));
+    } else this.stateNew(drag.points);
   }
 
-  /** What is said with a new mark of the tool. */
-  private withNew(points: Point[], meters = ""): Partial<UserInput> {
-    const { kind, said } = this;
-    if (!kind || !said) return {};
-    const before = LISTS.includes(kind.field) ? readMarks(said[kind.field]) : [];
-    return { [kind.field]: writeMarks([...before, { prefix: kind.prefix ?? "", points, meters }]) };
+  /** Whether a tap says where shade turns into light between the two edges that were drawn last. */
+  private isBorder(event: PointerEvent): boolean {
+    const last = this.stated.at(-1);
+    if (this.kind?.prefix !== "lit:" || last?.prefix !== "lit:") return false;
+    const away = ([x, y]: Point, to: Point): number => Math.hypot(x - to[0], y - to[1]);
+    const isOnEnd = this.onPad(last).some((end) => away(end, this.pressed) < END);
+    return away(this.pointOf(event), this.pressed) < SHORTEST && !isOnEnd;
+  }
+
+  private stateBorder(): void {
+    const marks = this.stated;
+    const last = marks.pop();
+    if (!last) return;
+    const points = [...last.points.slice(0, 2), this.toPhoto(this.pressed)];
+    this.state({ shadow: writeMarks([...marks, { ...last, points }]) });
+  }
+
+  /** What is said of the tool's field. */
+  private get stated(): Mark[] {
+    return this.kind && this.said ? readMarks(this.said[this.kind.field]) : [];
+  }
+
+  /** All marks of the tool's field with a new one. */
+  private withNew(drawn: readonly Point[]): Mark[] {
+    const { kind } = this;
+    if (!kind) return [];
+    const last = kind.ends.length === 1 + this.first.length ? drawn.slice(-1) : drawn;
+    const mark = { prefix: kind.prefix ?? "", points: [...this.first, ...last] };
+    return [
+      ...(LISTS.includes(kind.field) ? this.stated : []),
+      { ...mark, meters: kind.field === "reference" ? this.meters.value : "" },
+    ];
+  }
+
+  private stateNew(drawn: readonly Point[]): void {
+    const marks = this.withNew(drawn);
+    this.touched = marks.length - 1;
+    if (this.kind) this.state({ [this.kind.field]: writeMarks(marks) });
   }
 
   /** Says where marks were dragged to, if they were. */
@@ -251,9 +330,17 @@ export class Tools {
     this.actions.state(this.asked);
   }
 
-  private isLongEnough(points: Point[]): boolean {
-    const [from, to] = points.map((point) => this.toPad(point));
-    return from !== undefined && to !== undefined && Math.hypot(to[0] - from[0], to[1] - from[1]) >= SHORTEST;
+  /** Whether the last line of some points is as long as a drag; a point alone need not be. */
+  private isLongEnough(points: readonly Point[]): boolean {
+    const [from, to] = points.slice(points.length > 3 ? -2 : 0).map((point) => this.toPad(point));
+    return (
+      points.length === 1 ||
+      (from !== undefined && to !== undefined && Math.hypot(to[0] - from[0], to[1] - from[1]) >= SHORTEST)
+    );
+  }
+
+  private onPad({ points }: Mark): Point[] {
+    return points.map((point) => this.toPad(point));
   }
 
   private measure(): void {
@@ -289,12 +376,17 @@ export class Tools {
       return;
     }
     this.pad.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const marks = this.marks.map(({ points }) => points.map((point) => this.toPad(point)));
+    const { marks } = this;
     const drawn = this.drag && "points" in this.drag ? this.drag.points : [];
-    const lines = [...marks, ...[this.first, drawn].map((points) => points.map((point) => this.toPad(point)))];
+    const lines = [...marks, ...[this.first, drawn].map((points) => ({ prefix: "", points, meters: "" }))];
     const isHorizon = this.kind?.field === "horizon";
-    this.pad.replaceChildren(...lines.flatMap((points) => drawMark(points, isHorizon ? width : 0)));
-    this.drawGrips(marks);
+    this.pad.replaceChildren(
+      ...lines.flatMap((mark) => drawMark(this.onPad(mark), isHorizon ? width : 0, mark.prefix === GUESS)),
+    );
+    this.drawGrips(marks.map((mark) => this.onPad(mark)));
+    const touched = this.kind?.field === "shadow" ? marks[this.touched] : undefined;
+    byId("guess-label").hidden = !touched || !hasFoot(touched);
+    this.guess.checked = touched?.prefix === GUESS;
   }
 
   /** Grips for keys: of each end, and of the horizon as a whole. They stay while they have the focus. */
@@ -321,10 +413,9 @@ export class Tools {
   }
 
   private nameOf([mark, point]: End): string {
-    const { prefix = "" } = this.marks[mark] ?? {};
-    const { length } = this.marks[mark]?.points ?? [];
+    const { prefix = "", points: { length } = [] } = this.marks[mark] ?? {};
     const isLike = (one: Kind): boolean =>
-      one.field === this.kind?.field && (one.prefix ?? "") === prefix && one.ends.length === length;
+      one.field === this.kind?.field && (one.prefix ?? "") === prefix.replace(GUESS, "") && one.ends.length >= length;
     const kind = KINDS[this.tool as keyof typeof KINDS]?.find(isLike) ?? this.kind;
     return `${kind?.name}: ${kind?.ends[point] ?? point + 1}`;
   }
@@ -372,16 +463,19 @@ const pointAt = (marks: readonly Mark[], [mark, point]: End): Point => marks[mar
 const moveEnd = (marks: Mark[], [mark, point]: End, to: Point): Mark[] =>
   moveMarks(marks, (old, [i, j]) => (i === mark && j === point ? to : old));
 
-/** The lines of a mark with its ends; where `width` is not 0, its one line goes on to both sides of a picture so wide. */
-function drawMark(points: readonly Point[], width: number): SVGElement[] {
+/**
+ * The lines of a mark with its ends, dashed if it is a guess; where `width` is not 0, its one line goes on to both sides
+ * of a picture so wide.
+ */
+function drawMark(points: readonly Point[], width: number, isGuess: boolean): SVGElement[] {
   const [foot, ...others] = points;
   const lines = points.length === 3 ? others.map((end) => [foot, end]) : [points.slice(0, 2), points.slice(2)];
   const drawn = lines.flatMap(([from, to]) => {
     if (!from || !to) return [];
     const line = width ? [extend(to, from, width), extend(from, to, width)] : [from, to];
-    return [drawPath(line, "rim"), drawPath(line, "line")];
+    return [drawPath(line, "rim"), drawPath(line, isGuess ? "line guess" : "line")];
   });
-  return [...drawn, ...points.map(([cx, cy]) => createSvg("circle", { cx, cy, r: 7 }))];
+  return [...drawn, ...points.map(([cx, cy]) => createSvg("circle", { cx, cy, r: END }))];
 }
 
 /** The point that lies so far beyond `to`, as seen from `from`. */
