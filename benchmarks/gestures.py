@@ -3,7 +3,7 @@
     python -m benchmarks.gestures
 
 Chromium gets a photo with a wrong answer at three widths. It draws a shadow, picks another sun, or drags the sun on the
-photo, on the map or on the compass. It also drags a horizon that is 8 deg wrong.
+photo, on the map or on the compass. It also drags a horizon that is 8 deg wrong, or draws two upright edges.
 
 The first column is the gesture's length in seconds, with the hand's own 1.5 s of each drag, and the service's answer.
 The second is the error left after it: of the sun's azimuth, or of the camera's elevation. The last two are milliseconds

@@ -21,7 +21,11 @@ KINDS = {
     "OWN": Kind("Camera's Own Shadow", "own:", ("the middle of the camera's shadow",)),
     "HEAD": Kind("Shadow of My Head", "head:", ("the head's shadow",)),
     "LIT": Kind("Lit and Shaded Side", "lit:", ("the side in shade", "the side in sunlight")),
+    "BORDER": Kind(
+        "The Same, with Its Border", "lit:", ("the edge in shade", "the edge in sunlight", "where shade turns to light")
+    ),
 }
+_GUESS = "doubt:"  # the prefix of a shadow whose foot or tip is one
 
 
 def photo_pixel(click: Point, upper_left: Point, lower_right: Point, size: tuple[int, int]) -> Point | None:
@@ -38,6 +42,24 @@ def photo_pixel(click: Point, upper_left: Point, lower_right: Point, size: tuple
         return None
     x, y = (click[0] - upper_left[0]) / width, (upper_left[1] - click[1]) / height
     return (x * size[0], y * size[1]) if 0 <= x <= 1 and 0 <= y <= 1 else None
+
+
+def is_guess(mark: str) -> bool | None:
+    """Whether a mark is of a shadow whose foot or tip is a guess; None of what is no shadow with its foot.
+
+    Args:
+        mark: as the command takes it.
+    """
+    return mark.startswith(_GUESS) if ":" not in mark.removeprefix(_GUESS) else None
+
+
+def turn_guess(mark: str) -> str:
+    """A shadow with its foot that is a guess from now on, or no longer.
+
+    Args:
+        mark: as the command takes it.
+    """
+    return mark.removeprefix(_GUESS) if is_guess(mark) else _GUESS + mark
 
 
 def mark_text(kind: str, points: Sequence[Point]) -> str:

@@ -20,6 +20,7 @@ from .answers import (
     version_of,
 )
 from .furnish import furnish, other_lights, spot_is_in_shade, spot_is_in_view
+from .marks import is_guess, turn_guess
 from .preferences import preferences
 from .sliders import reset
 
@@ -151,6 +152,26 @@ class LIGHTFROMPHOTO_OT_forget(bpy.types.Operator):
         return relight(self, context, context.scene.light_from_photo.photo)
 
 
+class LIGHTFROMPHOTO_OT_guess(bpy.types.Operator):
+    """Say whether the last shadow's foot or tip is a guess, the thing leans, or the ground slopes; estimate again"""
+
+    bl_idname = "light_from_photo.guess"
+    bl_label = "Foot or Tip Is a Guess"
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        """Only where a shadow with its foot was drawn last."""
+        marks = drawn_marks(context.scene.light_from_photo)
+        return bool(marks) and is_guess(marks[-1]) is not None
+
+    def execute(self, context: Any) -> set[str]:
+        """Estimate with the last mark turned."""
+        settings = context.scene.light_from_photo
+        *others, last = drawn_marks(settings)
+        return relight(self, context, settings.photo, (*others, turn_guess(last)))
+
+
 def drawn_marks(settings: Any) -> tuple[str, ...]:
     """What was drawn along the photo's shadows."""
     return tuple(filter(None, settings.marks.split(";")))
@@ -180,6 +201,7 @@ register, unregister = bpy.utils.register_classes_factory(
         LIGHTFROMPHOTO_OT_find,
         LIGHTFROMPHOTO_OT_pick,
         LIGHTFROMPHOTO_OT_forget,
+        LIGHTFROMPHOTO_OT_guess,
         LIGHTFROMPHOTO_OT_reset,
     )
 )

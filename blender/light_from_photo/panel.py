@@ -5,8 +5,10 @@ from typing import Any
 import bpy
 
 from .drawing import LIGHTFROMPHOTO_OT_shadow as Draw
+from .marks import is_guess
 from .operators import LIGHTFROMPHOTO_OT_estimate as Estimate
 from .operators import LIGHTFROMPHOTO_OT_forget as Forget
+from .operators import LIGHTFROMPHOTO_OT_guess as Guess
 from .operators import LIGHTFROMPHOTO_OT_pick as Pick
 from .operators import LIGHTFROMPHOTO_OT_reset as Reset
 from .operators import drawn_marks
@@ -48,8 +50,10 @@ def _draw_answer(layout: Any, settings: Any, *, can_draw: bool) -> None:
     column = layout.column(align=True)
     if can_draw:
         column.operator_menu_enum(Draw.bl_idname, "kind", icon="GREASEPENCIL")
-    if count := len(drawn_marks(settings)):
-        column.operator(Forget.bl_idname, text=f"{count} drawn", icon="X")
+    if marks := drawn_marks(settings):
+        if (guess := is_guess(marks[-1])) is not None:
+            column.operator(Guess.bl_idname, depress=guess)
+        column.operator(Forget.bl_idname, text=f"{len(marks)} drawn", icon="X")
 
 
 class LIGHTFROMPHOTO_PT_view(_Panel, bpy.types.Panel):

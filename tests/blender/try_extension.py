@@ -79,6 +79,11 @@ def known(scene: Any) -> dict[str, Any]:
     except RuntimeError as error:  # as Blender raises the error that a button shows
         found["refused"] = str(error)
     found["marks"].append(settings.marks)
+    drawn = json.loads(settings.record)["sun"]
+    for _ in range(2):
+        buttons.guess()
+        found["marks"].append(settings.marks)
+        found.setdefault("guessed as before", []).append(json.loads(settings.record)["sun"] == drawn)
     found["forgotten"] = [sorted(buttons.forget()), settings.marks, json.loads(settings.record)["sun"]]
     answer = settings.answer
     buttons.pick(number=2)

@@ -10,6 +10,10 @@ const SCREENS = { 390: 844, 768: 1024, 1440: 900 };
 const WRONG = 60; // degrees of the sun
 const TILTED = 8; // degrees of the camera's elevation
 const FOOT = [0.82, 0.96]; // of the lamp, in shares of the picture
+const UPRIGHT = [
+  [[0.823, 0.948], [0.746, 0.2]], // the lamp's post
+  [[0.183, 0.97], [0.178, 0.05]], // a pillar
+];
 const TIP = [0.62, 0.83]; // of its shadow
 const STEPS = 10; // of a drag
 const PAUSE = 150; // ms between two of them, as long as the light may take
@@ -20,7 +24,7 @@ export async function visit(browser, url, seen, { street }) {
   for (const [width, height] of Object.entries(SCREENS)) {
     const page = await open(browser, url, seen, { width: Number(width), height }, { flat: true, touch: Number(width) < 1000 });
     await page.route(
-      (address) => address.pathname.endsWith("/v1/lighting") && !/shadow|horizon/.test(address.search),
+      (address) => address.pathname.endsWith("/v1/lighting") && !/shadow|horizon|vertical/.test(address.search),
       (route) => route.fulfill({ json: answers.wrong }),
     );
     for (const [name, { act, error }] of Object.entries(WAYS)) {
@@ -89,6 +93,13 @@ async function watchMoves(page) {
 const sunError = async (page, { right }) =>
   Math.abs(((Number(await page.inputValue("#sun_azimuth")) - right.sun.azimuth + 540) % 360) - 180);
 
+/** How wrong the camera's elevation is. */
+async function tiltError(page, { given }) {
+  const shown = await page.locator("#numbers > div", { hasText: "Camera elevation" }).textContent();
+  const [, size, side] = /([\d.]+)° (up|down)/.exec(shown);
+  return Math.abs(Number(size) * (side === "up" ? 1 : -1) - given.camera.elevation);
+}
+
 const WAYS = {
   "a shadow drawn": {
     error: sunError,
@@ -118,17 +129,25 @@ const WAYS = {
     act: (page, answers) => dragSun(page, "#dome svg", onCompass, answers),
   },
   "the horizon": {
-    error: async (page, { given }) => {
-      const shown = await page.locator("#numbers > div", { hasText: "Camera elevation" }).textContent();
-      const [, size, side] = /([\d.]+)° (up|down)/.exec(shown);
-      return Math.abs(Number(size) * (side === "up" ? 1 : -1) - given.camera.elevation);
-    },
+    error: tiltError,
     act: async (page, { given, wrong }) => {
       await choose(page, "horizon");
       const row = ({ camera: { elevation, vertical_fov: fov } }) =>
         0.5 + Math.tan((elevation * Math.PI) / 180) / Math.tan((fov * Math.PI) / 360) / 2;
       await dragOver(page, [0.5, row(wrong)], [0.5, row(given)]);
       await page.waitForSelector("#drawn button");
+    },
+  },
+  "two upright edges": {
+    error: tiltError,
+    act: async (page) => {
+      await choose(page, "horizon");
+      await page.selectOption("#kinds", { label: "Upright edges" });
+      for (const [from, to] of UPRIGHT) {
+        await dragOver(page, from, to);
+        await page.waitForSelector("#drawn button");
+        await page.waitForSelector("#result[aria-busy=false]");
+      }
     },
   },
 };

@@ -300,9 +300,20 @@ def test_every_kind_of_mark_is_one_that_the_command_reads(unpacked: str) -> None
         points = [(10.0 + 50 * number, 20.04) for number in range(len(kind.clicks))]
         mark = read_shadow(marks.mark_text(name, points))
         assert marked_points(mark) == [(x, 20.0) for x, _ in points]
-        found.add((type(mark), getattr(mark, "is_head", None)))
-    kinds = [(type(read_shadow(text)), None) for text in ("1,2,3,9", "line:1,2,3,9", "lit:1,2,3,9")]
-    assert found == {*kinds, (OwnShadow, False), (OwnShadow, True)}
+        found.add((type(mark), getattr(mark, "is_head", None), len(points)))
+    texts = ("1,2,3,9", "1,2,3,9,5,6", "line:1,2,3,9", "lit:1,2,3,9", "lit:1,2,9,2,4,2")
+    kinds = [(type(mark), None, len(marked_points(mark))) for mark in map(read_shadow, texts)]
+    assert found == {*kinds, (OwnShadow, False, 1), (OwnShadow, True, 1)}
+
+
+def test_a_shadow_with_its_foot_is_said_to_be_a_guess(unpacked: str) -> None:
+    marks = importlib.import_module(f"{unpacked}.marks")
+    for name in ("SHADOW", "TOP"):
+        text = marks.mark_text(name, [(10.0, 20.0), (60.0, 40.0), (10.0, 5.0)][: len(marks.KINDS[name].clicks)])
+        guessed = marks.turn_guess(text)
+        assert read_shadow(guessed) == replace(read_shadow(text), is_doubted=True)
+        assert (marks.is_guess(text), marks.is_guess(guessed), marks.turn_guess(guessed)) == (False, True, text)
+    assert [marks.is_guess(text) for text in ("own:1,2", "head:1,2", "line:1,2,3,9", "lit:1,2,3,9")] == [None] * 4
 
 
 def test_the_answer_says_its_trust_in_a_line_and_its_suns_on_buttons(unpacked: str) -> None:
@@ -574,7 +585,8 @@ def check_report(printed: str) -> dict[str, Any]:
     assert known["drawn"] == ["FINISHED"]
     assert known["drawn record"]["evidence"] == ["pixels", "shadow"]
     assert known["drawn record"]["sun"] != sun
-    assert known["marks"] == [SHADOW] * 2  # what is refused is not kept
+    assert known["marks"] == [SHADOW, SHADOW, f"doubt:{SHADOW}", SHADOW]  # what is refused is not kept
+    assert known["guessed as before"] == [False, True]
     assert "'1,2,3' is no shadow" in known["refused"]
     assert known["forgotten"] == [["FINISHED"], "", sun]
     second = sun["candidates"][1]
