@@ -7,11 +7,25 @@ export async function visit(browser, url, seen, { rounds, photo }) {
     "a photo of 12 megapixels": (page) => page.setInputFiles("#file", photo),
   };
   seen.waits = [];
+  seen.firstView = await measureFirstView(browser, url, seen);
   for (let round = 0; round <= rounds; round++) {
     for (const [name, act] of Object.entries(ways)) {
       seen.waits.push({ name, ...(await measureWait(browser, url, seen, act)) });
     }
   }
+}
+
+/** Bytes of the page, its styles and its scripts, as they are sent before there is a photo. */
+async function measureFirstView(browser, url, seen) {
+  const page = await open(browser, url, seen, { width: 390, height: 844 }, { touch: true });
+  const bytes = await page.evaluate(() =>
+    performance
+      .getEntries()
+      .filter(({ entryType, name }) => entryType === "navigation" || /\.(js|css)$/.test(name))
+      .reduce((sum, { encodedBodySize }) => sum + encodedBodySize, 0),
+  );
+  await page.context().close();
+  return bytes;
 }
 
 /** Seconds until the headline is there, of these until the service's answer was; and of the browser's processors. */

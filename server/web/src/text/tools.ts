@@ -58,7 +58,7 @@ export const KINDS: Record<"shadow" | "horizon" | "size", Kind[]> = {
     },
     {
       name: "Shadow on a wall, post or trunk",
-      help: "Drag from its edge in shade to its edge in light. If you see where shade turns into light, tap there.",
+      help: "Drag from its shaded edge to its lit edge, then tap the border between.",
       field: "shadow",
       prefix: "lit:",
       ends: ["edge in shade", "edge in light", "border"],
