@@ -122,12 +122,13 @@ class Adjustments:
                 raise ParameterError.about("sun", predicate, ErrorCode.WRONG_TYPE)
             check_range("sun", self.sun[0], *_SUN_AZIMUTH_RANGE, subject="The sun's azimuth")
             check_range("sun", self.sun[1], *RANGES["sun_elevation"], subject="The sun's elevation")
+        texts = option_texts(Adjustments)
         for name in ("exposure", "haze"):
             if (value := getattr(self, name)) is not None:
-                check_option(name, value, option_texts(Adjustments)[name])
+                check_option(name, value, texts[name])
         _check_flag("overcast", self.overcast)
         if self.pick is not None:
-            check_option("pick", str(self.pick), option_texts(Adjustments)["pick"])
+            check_option("pick", str(self.pick), texts["pick"])
             object.__setattr__(self, "pick", int(self.pick))
             if self.sun is not None:
                 raise ParameterError.about(

@@ -234,7 +234,7 @@ class _Compression(RegistryChoice):
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that are there.")
 
 
-_MAP_TEXTS, _FILE_TEXTS = option_texts(MapOptions), option_texts(FileOptions)
+_MAP_TEXTS, _FILE_TEXTS, _ADJUSTMENT_TEXTS = map(option_texts, (MapOptions, FileOptions, Adjustments))
 
 
 def _text_option(name: str, text: OptionText, default: object) -> Decorator:
@@ -315,7 +315,7 @@ _ADJUSTMENTS: dict[str, Decorator] = {  # by the parameters of a command
         help="Brighten by so many EV: +1 is twice as bright.",
     ),
     **{
-        name: _text_option(name, option_texts(Adjustments)[name], getattr(Adjustments, name))
+        name: _text_option(name, _ADJUSTMENT_TEXTS[name], getattr(Adjustments, name))
         for name in ("haze", "overcast", "pick")
     },
 }

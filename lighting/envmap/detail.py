@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import LUMINANCE_WEIGHTS
+from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET, LibraryDetail
 from lighting.envmap.latlong import (
     Image,
@@ -104,7 +104,12 @@ class _MapDetail:
         detail = np.empty((height, columns.stop - columns.start, 3), np.float32)
         tint = widen_cells(self._tint, 2 * height, columns)
         calm = None if self._calm is None else widen_cells(self._calm, 2 * height, columns)
-        for band, near, shares in self._library.fill(detail, columns):
+        gains = widen_cells(self._library.gains, 2 * height, columns)
+        pixels = np.ascontiguousarray(self._library.pixels(columns)).reshape(height, -1).view(np.uint16)
+        flat, pairs = detail.reshape(height, -1), _light_pairs()
+        for band, near, shares in cell_bands(height, DETAIL_ROWS):
+            pairs.take(pixels[band], out=flat[band].view(np.uint64), mode="clip")  # which needs no copy
+            flat[band] *= shares @ gains[near]
             part = detail[band]
             if band.start < height // 2:
                 _color_dark(part, (shares @ tint[near]).reshape(part.shape))
@@ -126,6 +131,15 @@ class _MapDetail:
             if rows := _common_rows(band, self._limited):
                 sky = detail[band][rows]
                 np.minimum(sky, (shares[rows] @ ceiling[near]).reshape(sky.shape), out=sky)
+
+
+@lru_cache(maxsize=1)
+def _light_pairs() -> NDArray[np.uint64]:
+    """SRGB_LINEAR + LOG_OFFSET of two values, (65536,), each pair as one number: half as much is looked up."""
+    values = np.arange(1 << 16, dtype=np.uint16).view(np.uint8)
+    pairs = (SRGB_LINEAR + LOG_OFFSET).take(values).view(np.uint64)
+    pairs.setflags(write=False)
+    return pairs
 
 
 def add_detail(

@@ -10,7 +10,6 @@ shores for photos of water.
 """
 
 import io
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -23,7 +22,7 @@ from PIL import ImageEnhance, WebPImagePlugin
 from lighting.checksum import DATA_FOLDER, verify_checksum
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.appearance import PhotoSamples, shows_snow
-from lighting.envmap.latlong import Image, blur_cells, cell_bands, column_blocks, shrink_envmap, widen_cells
+from lighting.envmap.latlong import Image, blur_cells, column_blocks, shrink_envmap
 from lighting.envmap.place_kinds import PLACE_KINDS, kind_features, kind_probability
 from lighting.envmap.projection import sample_cells
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
@@ -511,37 +510,20 @@ class LibraryDetail:
         self.height, blocks = height, column_blocks(height)
         self._picture = _detail_picture(source.choice, height, source.saturation)
         self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
-        reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
+        reduced = np.concatenate([_reduce(self.pixels(part), height, part) for part in blocks], axis=1)
         coarse = _coarse_colors(reduced)
-        self._gains = np.exp(-coarse)
+        self.gains = np.exp(-coarse)
+        """(R, 2R, 3) factors that take what is coarse out of it."""
         self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
         """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
 
-    def _pixels(self, columns: slice) -> NDArray[np.uint8]:
-        return self._picture.columns(columns) if self._kept is None else self._kept[:, columns]
-
-    def fill(self, detail: Image, columns: slice) -> Iterator[tuple[slice, slice, Image]]:
-        """Write some columns of the detail, a few rows at a time, and yield each of `cell_bands` when it is written.
+    def pixels(self, columns: slice) -> NDArray[np.uint8]:
+        """Some columns (H, C, 3) of the panorama, sRGB.
 
         Args:
-            detail: (H, C, 3), with whole rows one behind the other; what is written.
             columns: of a map of as many rows.
         """
-        pixels = np.ascontiguousarray(self._pixels(columns)).reshape(self.height, -1).view(np.uint16)
-        gains, flat = widen_cells(self._gains, 2 * self.height, columns), detail.reshape(self.height, -1)
-        for band, near, shares in cell_bands(self.height, DETAIL_ROWS):
-            _light_pairs().take(pixels[band], out=flat[band].view(np.uint64), mode="clip")  # which needs no copy
-            flat[band] *= shares @ gains[near]
-            yield band, near, shares
-
-
-@lru_cache(maxsize=1)
-def _light_pairs() -> NDArray[np.uint64]:
-    """SRGB_LINEAR + LOG_OFFSET of two values, (65536,), each pair as one number: half as much is looked up."""
-    values = np.arange(1 << 16, dtype=np.uint16).view(np.uint8)
-    pairs = (SRGB_LINEAR + LOG_OFFSET).take(values).view(np.uint64)
-    pairs.setflags(write=False)
-    return pairs
+        return self._picture.columns(columns) if self._kept is None else self._kept[:, columns]
 
 
 def _coarse_colors(picture: NDArray[np.uint8]) -> Image:

@@ -100,6 +100,7 @@ class PhotoProjection:
         if not self._reaches(half):
             set_irradiance(levels[half], image[half], irradiance)
             return
+        before = irradiance_from_rows(levels[half], image[half])
         by_photo, behind = np.zeros(3), np.zeros(3)  # as were all columns one
         for columns in self.blocks:
             if (part := self.block(columns, half)) is not None:
@@ -107,7 +108,7 @@ class PhotoProjection:
                 by_photo += _sum_product(level, part.over(image, gain))
                 behind += _sum_product(level, image[part.rows, part.columns])
         added, hidden = by_photo / image.shape[1], behind / image.shape[1]
-        left = irradiance_from_rows(levels[half], image[half]) - hidden
+        left = before - hidden
         rest = np.clip((irradiance - added) / np.maximum(left, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
         for columns in self.blocks:
             part = self.block(columns, half)
