@@ -69,7 +69,7 @@ RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_o
     "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.4.0"),
     "lighting.photo.read_time": _RenamedName("lighting.photo.timestamps", "parse_time", "0.4.0"),
     "lighting.photo.reader.Photo.facts": _RenamedName("lighting.photo.reader", "Photo.metadata", "0.4.0"),
-    "lighting.probe.probes_in": _RenamedName("lighting.probe.probe_files", "probes_in", "0.4.0"),
+    "lighting.probe.probes_in": _RenamedName("lighting.probe.bracket", "probes_in", "0.4.0"),
     "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.4.0"),
     "lighting.video.stream.Tracker.given": _RenamedName("lighting.video.stream", "Tracker.user_input", "0.4.0"),
     "lighting.write_exr.colours": _RenamedName("lighting", "write_exr.colors", "0.4.0"),

@@ -8,8 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lighting.batch.photo_search import format_counts
-from lighting.batch.photo_table import PhotoTable
+from lighting.batch.photo_search import PhotoTable, format_counts
 from lighting.batch.results import SETTINGS
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
 from lighting.files import DEFAULT_FILE, FileOptions

@@ -51,7 +51,7 @@ class _Options:
     @property
     def job(self) -> "BatchJob":
         from lighting.batch.job import BatchJob, MapOutput
-        from lighting.batch.photo_table import read_photo_table
+        from lighting.batch.photo_search import read_photo_table
 
         table = None if self.table is None else read_photo_table(self.table)
         maps = MapOutput(self.view, self.file) if self.envmap else None
@@ -211,7 +211,7 @@ def _run_ray(options: _Options) -> "Summary":
 
 def _check_table(job: "BatchJob", names: Sequence[str]) -> None:
     """Raise BatchError for a table about photos that the batch does not have."""
-    from lighting.batch.photo_table import check_photo_names
+    from lighting.batch.photo_search import check_photo_names
 
     if job.table is not None:
         check_photo_names(job.table, names)

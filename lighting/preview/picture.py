@@ -16,7 +16,7 @@ from lighting.geometry import Floats, Pinhole, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
 from lighting.prediction import EstimatedLight, Segments, check_estimate
 from lighting.preview import drawing
-from lighting.preview.compass import draw_compass
+from lighting.preview.compass import draw_compass, draw_regions, frame_directions, split_at_seam
 from lighting.preview.drawing import (
     BACKGROUND,
     MUTED,
@@ -29,7 +29,6 @@ from lighting.preview.drawing import (
     rounded_mask,
     text_width,
 )
-from lighting.preview.regions import draw_regions, frame_directions, split_at_seam
 from lighting.preview.spheres import (
     SphereScene,
     build_sphere_scene,

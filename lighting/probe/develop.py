@@ -19,8 +19,7 @@ from lighting.files.exr import write_exr
 from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
 from lighting.photo.linear import Curve
 from lighting.probe.alignment import Alignment, align_by_sun, align_series, yaw_rotation
-from lighting.probe.bracket import Bracket
-from lighting.probe.exposure_ratios import ExposureRatios, measure_ratios
+from lighting.probe.bracket import TIME_ATTRIBUTE, Bracket, probe_path
 from lighting.probe.fisheye import (
     Lens,
     LensKind,
@@ -30,8 +29,14 @@ from lighting.probe.fisheye import (
     project_to_lens,
     resample_to_latlong,
 )
-from lighting.probe.merging import SMOOTHING_REACH, MergedHdr, dequantize, merge_exposures
-from lighting.probe.probe_files import TIME_ATTRIBUTE, probe_path
+from lighting.probe.merging import (
+    SMOOTHING_REACH,
+    ExposureRatios,
+    MergedHdr,
+    dequantize,
+    measure_ratios,
+    merge_exposures,
+)
 from lighting.probe.sky_fit import SkyFit, fit_sky
 from lighting.probe.sun_detection import Mask, SunBlob, find_sun_blob
 from lighting.records import Lighting

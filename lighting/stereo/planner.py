@@ -30,7 +30,7 @@ from lighting.preview.drawing import (
     draw_polygon,
     draw_text,
 )
-from lighting.probe.probe_files import probes_in
+from lighting.probe.bracket import probes_in
 from lighting.stereo.light_vectors import (
     ONE_SKY,
     SKY_HEIGHT,

@@ -13,8 +13,8 @@ from lighting.photo.linear import LinearPhoto
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import make_bracket
 from lighting.probe.develop import BracketSettings, Moment, make_probe
-from lighting.probe.exposure_ratios import clipped_mask
 from lighting.probe.fisheye import Lens, project_to_lens, resample_to_latlong, unproject_from_lens
+from lighting.probe.merging import clipped_mask
 from lighting.records import Lighting
 from lighting.sky.clear_sky import sky_radiance, sun_disc_points, sun_disc_radiance
 

@@ -16,10 +16,10 @@ from lighting.color import srgb_encode
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, read_exr_attributes, write_exr
 from lighting.probe.alignment import yaw_rotation
+from lighting.probe.bracket import probe_path, probes_in
 from lighting.probe.develop import Moment
 from lighting.probe.fisheye import LENS_KINDS as LENSES
 from lighting.probe.fisheye import make_lens
-from lighting.probe.probe_files import probe_path, probes_in
 from lighting.records import Lighting
 from tests.helpers.brackets import SKY_DAY, SKY_PLACE, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from tests.helpers.photos import taken, write_png16

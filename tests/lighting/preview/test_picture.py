@@ -19,7 +19,16 @@ from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
 from lighting.photo_estimate import Estimate
 from lighting.preview import picture as module
-from lighting.preview.compass import _density, _draw_density, dome_pixels, draw_compass
+from lighting.preview.compass import (
+    _density,
+    _draw_density,
+    circle_around_sun,
+    dome_pixels,
+    draw_compass,
+    draw_regions,
+    frame_directions,
+    split_at_seam,
+)
 from lighting.preview.drawing import BACKGROUND, MUTED, TEXT, TextStyle, text_width
 from lighting.preview.picture import (
     PREVIEW_WIDTH,
@@ -32,7 +41,6 @@ from lighting.preview.picture import (
     _note_lines,
     draw_preview_pixels,
 )
-from lighting.preview.regions import circle_around_sun, draw_regions, frame_directions, split_at_seam
 from lighting.records import EvidenceKind, Lighting
 from lighting.sun_grid import grid_directions, soft_label
 from tests.conftest import scene
@@ -397,7 +405,7 @@ def test_the_shares_of_regions_do_not_cover_each_other(
 ) -> None:
     written: dict[str, NDArray[np.float64]] = {}
     monkeypatch.setattr(
-        "lighting.preview.regions.draw_text_inside",
+        "lighting.preview.compass.draw_text_inside",
         lambda picture, spot, share, size, color: written.__setitem__(share, np.asarray(spot)),  # noqa: ARG005
     )
     lighting = replace(outdoors(azimuth, elevation), radius_50=radii[0], radius_90=radii[1])

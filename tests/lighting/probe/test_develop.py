@@ -13,7 +13,7 @@ from lighting.errors import ProbeError
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import angle_between, angles, camera_axes, direction, latlong_directions
 from lighting.probe.alignment import align_by_sun, align_series, yaw_rotation
-from lighting.probe.bracket import Bracket, make_bracket
+from lighting.probe.bracket import Bracket, make_bracket, probes_in
 from lighting.probe.develop import (
     BracketSettings,
     Moment,
@@ -26,7 +26,6 @@ from lighting.probe.develop import (
     write_probe,
 )
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens
-from lighting.probe.probe_files import probes_in
 from lighting.probe.sun_detection import find_sun_blob
 from lighting.records import Lighting
 from tests.helpers.brackets import (

@@ -11,8 +11,8 @@ from lighting.errors import ProbeError
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import make_bracket, read_bracket
 from lighting.probe.develop import BracketSettings, Moment, make_probe
-from lighting.probe.exposure_ratios import measure_ratios
 from lighting.probe.fisheye import make_lens
+from lighting.probe.merging import measure_ratios
 from tests.helpers.brackets import (
     BRACKET_TIMES,
     SKY_DAY,

@@ -1,4 +1,4 @@
-"""Exposures merged to radiance, and what rounding hides."""
+"""Ratios of a bracket's exposures, and what they are merged to."""
 
 from typing import Any
 
@@ -6,10 +6,143 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lighting.color import srgb_encode
 from lighting.errors import ProbeError
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import Bracket, make_bracket
-from lighting.probe.merging import _smooth_within_rounding, dequantize, merge_exposures
+from lighting.probe.merging import (
+    ExposureRatio,
+    _measure_ratio,
+    _smooth_within_rounding,
+    dequantize,
+    dilate,
+    max_terraced_value,
+    measure_ratios,
+    merge_exposures,
+    noise_variance,
+)
+
+
+@pytest.mark.parametrize("value", [0.1, 0.5])
+@pytest.mark.parametrize("step", [1e-6, 1 / 255])
+def test_the_variance_is_that_of_rounded_values_of_20000_electrons(value: float, step: float) -> None:
+    random = np.random.default_rng(0)
+    light = value + random.uniform(0, step, 200_000)  # all phases of a step
+    read = random.normal(random.poisson(light * 20_000) / 20_000, 2e-4)
+    assert np.var(step * np.rint(read / step) - light) == pytest.approx(noise_variance(value, step), rel=0.05)
+
+
+def test_noise_is_half_a_step_at_the_value_told() -> None:
+    step = 1 / 255
+    assert noise_variance(max_terraced_value(step), 0.0) == pytest.approx(step**2 / 4)
+    assert max_terraced_value(1 / 4095) < 0
+
+
+RANDOM = np.random.default_rng(11)
+SCENE = np.exp(RANDOM.normal(-2.0, 1.0, (120, 120, 3)))
+
+
+def exposed(
+    scene: NDArray[np.floating[Any]], length: float, bits: int = 14, black: float = 0.0, told: bool = False
+) -> LinearPhoto:
+    full = 2**bits - 1
+    value = np.random.default_rng(round(1000 * length)).normal(scene * length + black, 0.002)
+    counts = np.clip(np.rint(value * full), 0, full) / full
+    return LinearPhoto(counts.astype(np.float32), 0.98, 1 / full, length if told else None)
+
+
+@pytest.mark.parametrize(("bits", "tolerance"), [(8, 0.01), (12, 0.005), (14, 0.005)])
+@pytest.mark.parametrize("ratio", [2.0, 8.0])
+def test_ratios_are_measured_from_the_pixels(ratio: float, bits: int, tolerance: float) -> None:
+    got = _measure_ratio(exposed(SCENE, 1 / ratio, bits), exposed(SCENE, 1.0, bits))
+    assert got is not None
+    assert got.value == pytest.approx(ratio, rel=tolerance)
+    assert got.error < 0.01
+
+
+def test_black_that_is_not_zero_does_not_change_the_ratio() -> None:
+    got = _measure_ratio(exposed(SCENE, 0.25, black=0.01), exposed(SCENE, 1.0, black=0.01))
+    assert got is not None
+    assert got.value == pytest.approx(4, rel=0.01)
+
+
+def test_what_moves_is_outweighed() -> None:
+    moved = SCENE.copy()
+    moved[:30] = RANDOM.permutation(moved[:30])  # a quarter of the picture
+    got = _measure_ratio(exposed(moved, 0.25), exposed(SCENE, 1.0))
+    assert got is not None
+    assert got.value == pytest.approx(4, rel=0.02)
+
+
+def test_without_exif_the_longest_exposure_is_one() -> None:
+    lengths = measure_ratios(make_bracket([exposed(SCENE, length) for length in (0.1, 0.4, 1.0)]))
+    assert not lengths.from_exif
+    assert lengths.relative == pytest.approx([0.1, 0.4, 1.0], rel=0.01)
+
+
+def test_exif_is_believed_and_its_contradiction_said() -> None:
+    right = measure_ratios(make_bracket([exposed(SCENE, length, told=True) for length in (0.1, 0.5)]))
+    assert right.from_exif
+    assert right.relative == pytest.approx([0.1, 0.5])
+    assert not right.warnings
+    liar = LinearPhoto(exposed(SCENE, 0.1).pixels, 0.98, 2**-14, 0.08)
+    wrong = measure_ratios(make_bracket([liar, exposed(SCENE, 0.5, told=True)]))
+    assert "the pixels say 5" in wrong.warnings[0]
+
+
+def test_pixels_coded_by_a_curve_are_refused() -> None:
+    coded = [
+        LinearPhoto(srgb_encode(exposed(SCENE, length).pixels).astype(np.float32), 0.98, 1 / 255, length)
+        for length in (0.02, 0.1, 0.5)
+    ]
+    with pytest.raises(ProbeError, match=r"coded by a curve.*--curve srgb"):
+        measure_ratios(make_bracket(coded))
+
+
+def test_exposures_that_share_nothing_are_refused() -> None:
+    with pytest.raises(ProbeError, match="share too few pixels"):
+        measure_ratios(make_bracket([exposed(SCENE * 0, 0.1), exposed(SCENE * 0 + 5, 1.0)]))
+
+
+def test_a_mask_grows_by_one_pixel_each_way() -> None:
+    mask = np.zeros((5, 5), bool)
+    mask[2, 2] = True
+    assert dilate(mask).sum() == 9
+    mask[:] = False
+    mask[0, 0] = True
+    assert dilate(mask).sum() == 4
+
+
+@pytest.mark.parametrize("bits", [12, 14])
+def test_values_that_hardly_differ_tell_the_ratio_of_their_means(bits: int) -> None:
+    random = np.random.default_rng(3)
+    even = random.uniform(0.05, 0.053, (60, 60, 3))  # the noise of such values is as large as their spread
+    even[0, 0] = 0.9
+    full = 2**bits - 1
+
+    def shot(length: float) -> LinearPhoto:
+        electrons = random.normal(even * length * 20_000, np.sqrt(even * length * 20_000))
+        return LinearPhoto((np.rint(electrons / 20_000 * full) / full).astype(np.float32), 0.98, 1 / full, length)
+
+    got = _measure_ratio(shot(0.2), shot(1.0))
+    assert got is not None
+    assert got.value == pytest.approx(5, rel=0.03)
+
+
+@pytest.mark.parametrize(("level", "told"), [(0.3, True), (10 / 255, False)])
+def test_values_that_are_all_the_same_tell_a_ratio_where_they_are_many_steps(level: float, told: bool) -> None:
+    even = np.full((40, 40, 3), level, dtype=np.float32)
+    even[0, 0] = 0.9
+    got = _measure_ratio(LinearPhoto(even * np.float32(0.2), 0.98, 1 / 255), LinearPhoto(even, 0.98, 1 / 255))
+    assert (got is not None) == told
+    assert got is None or got.value == pytest.approx(5)
+
+
+def test_a_ratio_of_few_or_scattered_values_is_not_sure() -> None:
+    assert ExposureRatio(4.0, 0.01, 2000).is_sure
+    assert not ExposureRatio(4.0, 0.01, 200).is_sure
+    assert not ExposureRatio(7.6, 0.11, 8000).is_sure
+
 
 TIMES = np.array([0.001, 0.01, 0.1, 1.0])
 
