@@ -345,15 +345,13 @@ def max_channel(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
 
 
-def tone_map(image: ArrayLike, exposure: float = 1.0) -> NDArray[np.uint8]:
-    """Return the 8-bit display picture of linear radiance: exposure, sRGB transfer, clip.
+def tone_map(image: ArrayLike) -> NDArray[np.uint8]:
+    """Return the 8-bit display picture of linear radiance: sRGB transfer, clip.
 
     Args:
         image: of any shape, linear Rec.709.
-        exposure: factor of the radiance.
     """
-    scaled = np.asarray(image, dtype=np.float32) * np.float32(exposure)
-    return np.asarray(np.round(srgb_encode(scaled) * 255.0), dtype=np.uint8)
+    return np.asarray(np.round(srgb_encode(np.asarray(image, dtype=np.float32)) * 255.0), dtype=np.uint8)
 
 
 def chromaticities_to_rec709(chromaticities: Sequence[float]) -> NDArray[np.float32] | None:

@@ -237,7 +237,7 @@ def set_irradiance(levels: Floats, rows: Image, irradiance: Floats) -> None:
     scale_colors(rows, irradiance / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE))
 
 
-def multiply_cells(image: Image, cells: Image, columns: slice | None = None) -> None:
+def multiply_cells(image: Image, cells: Image) -> None:
     """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centres.
 
     Columns wrap and rows end. A few rows at once lie between few rows of cells, and only those count for them.
@@ -245,10 +245,9 @@ def multiply_cells(image: Image, cells: Image, columns: slice | None = None) -> 
     Args:
         image: changed in place.
         cells: factors on a grid of the same directions.
-        columns: of a map of H rows, that the image has; None: the image has all of the grid's directions.
     """
-    height, width = image.shape[:2] if columns is None else (len(image), 2 * len(image))
-    wide = widen_cells(cells, width, slice(0, width) if columns is None else columns)
+    height, width = image.shape[:2]
+    wide = widen_cells(cells, width, slice(0, width))
     flat = image.reshape(height, -1)
     for band, near, shares in _interpolation_bands(height, len(cells), False, 0, height):
         flat[band] *= shares @ wide[near]

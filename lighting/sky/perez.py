@@ -110,14 +110,14 @@ def _sky_clearness(diffuse: ArrayLike, direct: ArrayLike, sun_zenith: ArrayLike)
     return np.asarray(((diffuse + direct) / diffuse + cubed) / (1 + cubed))
 
 
-def _sky_brightness(diffuse: ArrayLike, sun_zenith: ArrayLike, extraterrestrial: float = _SOLAR_CONSTANT) -> Floats:
+def _sky_brightness(diffuse: ArrayLike, sun_zenith: ArrayLike) -> Floats:
     """Brightness (...): diffuse horizontal irradiance (...) [W m^-2] x relative air mass / that outside the atmosphere.
 
     The air mass is Kasten and Young's [2].
     """
     zenith = np.degrees(np.asarray(sun_zenith, dtype=np.float64))
     air_mass = 1 / (np.cos(np.radians(zenith)) + 0.50572 * (96.07995 - zenith) ** -1.6364)
-    return np.asarray(np.asarray(diffuse, dtype=np.float64) * air_mass / extraterrestrial)
+    return np.asarray(np.asarray(diffuse, dtype=np.float64) * air_mass / _SOLAR_CONSTANT)
 
 
 def _relative_luminance(coefficients: Floats, up: Floats, sun_angle: Floats) -> Floats:

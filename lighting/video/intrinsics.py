@@ -47,7 +47,7 @@ _START_FACTORS = (1.0, 0.8, 1.25)  # times that lens, from where the zoom is fol
 _ONE_LENS = 0.06  # logarithm of the ratio of two focal lengths up to which they may be those of one lens
 _PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
 _REWEIGHTINGS = 8  # of re-weighting, from eight times the tolerance down to it
-SMOOTHING_WINDOW = 5  # frames that a parabola is fitted to; tracking trembles faster than hands do
+_SMOOTHING_WINDOW = 5  # frames that a parabola is fitted to; tracking trembles faster than hands do
 
 
 def fit_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, float]:
@@ -325,15 +325,14 @@ def _fit_rotation_and_zoom(
     return (fitted, factor) if agreeing >= least else None
 
 
-def smooth_parabolic(time: Floats, values: Floats, window: int = SMOOTHING_WINDOW) -> Floats:
+def smooth_parabolic(time: Floats, values: Floats) -> Floats:
     """Replace each value by the parabola through its neighbours.
 
     Args:
         time: (N,) s, rising.
         values: (N,).
-        window: neighbours that a parabola is fitted to, odd.
     """
-    count = len(time)
+    count, window = len(time), _SMOOTHING_WINDOW
     if count < window:
         return values
     first = np.clip(np.arange(count) - window // 2, 0, count - window)
