@@ -5,7 +5,7 @@ drawn at random, at most one of a scene, and on a photo of each further scene of
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -61,10 +61,17 @@ def report_shadows(model: Model, data: Path) -> str:
         DataError: a table is missing.
     """
     estimator = Estimator(model)
-    return "\n\n".join([_report_one_shadow(estimator, data), _report_photos(estimator, data)])
+    single, (first, together, alone) = _answer_crops(estimator, data), _answer_photos(estimator, data)
+    doubted: list[_MarkedAnswer | None] = [
+        replace(answer, groups=("crops and photos, doubtful",))
+        for answer in (*single, *alone)
+        if answer is not None and not {"all crops, doubtful", "shadow, doubted"}.isdisjoint(answer.groups)
+    ]
+    tables = {"One shadow each:": single, first: together, "Each mark alone:": alone, "All doubtful shadows:": doubted}
+    return "\n\n".join(f"{title}\n\n{_table(answers)}" for title, answers in tables.items())
 
 
-def _report_one_shadow(estimator: Estimator, data: Path) -> str:
+def _answer_crops(estimator: Estimator, data: Path) -> list[_MarkedAnswer | None]:
     """One shadow at a time: as it is, and as a line of which nobody knows the foot."""
     answers = []
     for row in read_table(data / "shadows.csv", ("file", "foot_x", "sure", *_TRUE_SUN)):
@@ -76,7 +83,7 @@ def _report_one_shadow(estimator: Estimator, data: Path) -> str:
         answers.append(_answer(estimator, marked, [shadow], (f"{kind}, {sure}, {row['split']}", *pooled)))
         line = "line:" + ",".join(shadow.removeprefix("doubt:").split(",")[:4])
         answers.append(_answer(estimator, marked, [line], [f"{name}, as lines" for name in pooled[:1]]))
-    return f"One shadow each:\n\n{_table(answers)}"
+    return answers
 
 
 def _shadow_text(row: dict[str, str]) -> str:
@@ -91,8 +98,10 @@ def _shadow_text(row: dict[str, str]) -> str:
     return f"{'doubt:' * (row['sure'] != 'yes')}{','.join(map(str, ends))}"
 
 
-def _report_photos(estimator: Estimator, data: Path) -> str:
-    """All marks of a photo at once by how it was chosen, and each alone by its gesture."""
+def _answer_photos(
+    estimator: Estimator, data: Path
+) -> tuple[str, list[_MarkedAnswer | None], list[_MarkedAnswer | None]]:
+    """How many photos take a gesture; all marks of a photo at once by its sample; each mark alone by its gesture."""
     rows = {
         row["file"]: (split, row)
         for split, table in _PHOTO_TABLES.items()
@@ -116,8 +125,7 @@ def _report_photos(estimator: Estimator, data: Path) -> str:
         together.append(_answer(estimator, marked, good, groups) if good else None)
     count = sum(sample == "random" for _, sample in photos)
     taken = sum(answer is not None and "random" in answer.groups for answer in together)
-    first = f"Of {count} photos at random {taken} take a gesture. All marks of a photo:"
-    return "\n\n".join([first, _table(together), "Each mark alone:", _table(alone)])
+    return f"Of {count} photos at random {taken} take a gesture. All marks of a photo:", together, alone
 
 
 def _gesture(mark: ShadowMark) -> str:

@@ -36,7 +36,8 @@ def test_every_kind_of_mark_has_a_name_of_its_own() -> None:
 def make_data(folder: Path, marks: str) -> Path:
     (folder / "photo.jpg").write_bytes(encode(scene(64, 48)))
     columns = "file,width,height,foot_x,foot_y,tip_x,tip_y,top_x,top_y,sure,split,panorama,sun_azimuth,sun_elevation"
-    rows = [f"photo.jpg,64,48,20,40,30,44,,,{sure},train,{room},10,30" for sure, room in (("yes", "a"), ("no", ""))]
+    rooms = ("yes", "a"), ("no", ""), ("no", "a")
+    rows = [f"photo.jpg,64,48,20,40,30,44,,,{sure},train,{room},10,30" for sure, room in rooms]
     (folder / "shadows.csv").write_text(
         "\n".join([columns, *rows, "photo.jpg,64,48,20,40,30,44,,,yes,val,,,30"]) + "\n"
     )
@@ -50,14 +51,16 @@ def test_the_report_counts_photos_that_take_a_gesture(
     tmp_path: Path, network: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     marks = 'photo.jpg,random,"20,40,30,44"\nphoto.jpg,random,"20,0,30,44"\nother.jpg,random,\n'
+    marks += 'photo.jpg,val,"doubt:20,40,30,44"\n'
     data = make_data(tmp_path, marks)
     monkeypatch.setattr(module, "PHOTO_MARKS", data / "marks.csv")
     report = report_shadows(Model.load(network), data)
     assert "Of 2 photos at random 1 take a gesture" in report  # the second mark lies over the horizon
     counts = dict(line.split(" | ")[:2] for line in report.splitlines() if line.startswith("| "))
-    wanted = {"| all crops": "1", "| all crops, as lines": "1", "| photos, doubtful, train": "1", "| random, val": "1"}
+    wanted = {"| all crops": "2", "| all crops, as lines": "2", "| photos, doubtful, train": "1", "| random, val": "1"}
     assert wanted.items() <= counts.items()
-    assert counts["| every scene of val"] == counts["| shadow"] == "1"
+    assert counts["| shadow"] == counts["| shadow, doubted"] == counts["| all crops, doubtful"] == "1"
+    assert counts["| every scene of val"] == counts["| crops and photos, doubtful"] == "2"
     assert not np.isnan(float(report.rsplit("|", 2)[1]))
 
 
