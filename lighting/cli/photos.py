@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
-from datetime import datetime
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -28,6 +27,7 @@ from lighting.cli.options import (
 from lighting.errors import LightingError, ParameterError
 from lighting.fields import option_name
 from lighting.map_options import MapOptions
+from lighting.photo.timestamps import parse_time, parse_utc_offset
 from lighting.start import StartedNetwork, exit_on_interrupt
 
 if TYPE_CHECKING:
@@ -41,47 +41,25 @@ if TYPE_CHECKING:
 _Value = TypeVar("_Value")
 
 
-def parse_time_option(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
-    """Read a time; BadParameter for what is none.
+def _read_by(read: Callable[[str], _Value]) -> Callable[[click.Context, click.Parameter, str | None], _Value | None]:
+    """A callback of an option that reads its text; BadParameter for what it is none of."""
 
-    Args:
-        _ctx: of click.
-        _param: of click.
-        text: such as 2024-06-01T14:30+02:00; None where not stated.
-    """
-    if text is None:
-        return None
-    from lighting.photo.timestamps import parse_time
+    def callback(_ctx: click.Context, _param: click.Parameter, text: str | None) -> _Value | None:
+        try:
+            return None if text is None else read(text)
+        except ParameterError as error:
+            raise click.BadParameter(str(error)) from error
 
-    return _parsed(parse_time, text)
+    return callback
 
 
-def parse_utc_offset_option(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
-    """Read an offset from UTC [hours]; BadParameter for what is none.
-
-    Args:
-        _ctx: of click.
-        _param: of click.
-        text: such as +02:00 or 2; None where not stated.
-    """
-    if text is None:
-        return None
-    from lighting.photo.timestamps import parse_utc_offset
-
-    return _parsed(parse_utc_offset, text)
-
-
-def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) -> list[float] | None:
+def _read_headings(text: str) -> list[float]:
     from lighting.fusion.user_input import read_headings
 
-    return None if text is None else _parsed(read_headings, text)
+    return read_headings(text)
 
 
-def _parsed(read: Callable[[str], _Value], text: str) -> _Value:
-    try:
-        return read(text)
-    except ParameterError as error:
-        raise click.BadParameter(str(error)) from error
+parse_time_option, parse_utc_offset_option = _read_by(parse_time), _read_by(parse_utc_offset)
 
 
 def _fspy_camera(_ctx: click.Context, _param: click.Parameter, name: str | None) -> "KnownCamera | None":
@@ -178,7 +156,7 @@ together_option = click.option("--together", is_flag=True, help="Combine photos 
 headings_option = click.option(
     "--headings",
     metavar="DEG,DEG,...",
-    callback=_headings,
+    callback=_read_by(_read_headings),
     help="Where each camera points, clockwise from any common direction.",
 )
 

@@ -18,13 +18,12 @@ import lighting.envmap.latlong as latlong
 from lighting.color import LUMINANCE_WEIGHTS, check_pixels
 from lighting.envmap.detail import MIN_ROWS, add_detail
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells
-from lighting.envmap.projection import CLIPPED, project_photo, sample_cells
+from lighting.envmap.projection import CLIPPED, PhotoProjection, project_photo, sample_cells
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions, wrap_azimuth
-from lighting.map_options import check_height
 from lighting.prediction import Segments
-from lighting.records import Lighting, check_lighting
+from lighting.records import Lighting
 
 _CELL_ROWS = 24  # of the cells in which the map is changed
 _SAMPLES_PER_CELL = 4  # rows and columns of the bare map that are sampled for each cell
@@ -148,25 +147,30 @@ def render_with_surroundings(
         disc: False leaves the sun's disc for a light of its own.
     """
     _check_context(context)
-    check_lighting(lighting)
-    has_disc = disc and (lighting.sun_painted if sun is None else sun)
-    check_height(height)
-    detailed = context.detail and height >= MIN_ROWS
     image = render(lighting, height, sun=sun, disc=False)
     factors, photo = _context_factors(image, lighting, context), project_photo(lighting, context.photo, height)
-    gain, halves, targets = context.gain(lighting), _halves(height), _half_irradiances(image)
-    for rows, target, cells in zip(halves, targets, np.split(factors, 2), strict=True):
-        multiply_cells(image[rows], cells)
-        photo.lay(image, rows, target, gain, shown=not detailed)
+    gain, detailed = context.gain(lighting), context.detail and height >= MIN_ROWS
+    targets = _lay_in_halves(image, factors, photo, gain, shown=not detailed)
     if detailed:
         library = _find_detail(lighting, context, height)
         add_detail(image, library, lighting, context.photo, context.segments, photo, gain)
-        for rows, target in zip(halves, targets, strict=True):
+        for rows, target in zip(_halves(height), targets, strict=True):
             photo.lay(image, rows, target, gain)
     cap_map(image, lighting)
-    if has_disc:
+    if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)
     return image
+
+
+def _lay_in_halves(
+    image: Image, factors: Image, photo: PhotoProjection, gain: float, *, shown: bool = True
+) -> tuple[Floats, Floats]:
+    """Multiply a bare map by cells and lay the photo over it; the irradiances (3,) by both halves, which stay."""
+    targets = _half_irradiances(image)
+    for rows, target, cells in zip(_halves(len(image)), targets, np.split(factors, 2), strict=True):
+        multiply_cells(image[rows], cells)
+        photo.lay(image, rows, target, gain, shown=shown)
+    return targets
 
 
 def render_coarse(lighting: Lighting, context: PhotoContext, *, sun: bool | None = None) -> Image:
@@ -184,12 +188,8 @@ def render_coarse(lighting: Lighting, context: PhotoContext, *, sun: bool | None
     else:
         bare = render(lighting, COARSE_ROWS, sun=sun, disc=False)
         factors = _context_factors(bare, lighting, context)
-    gain, halves, targets, image = context.gain(lighting), _halves(len(bare)), _half_irradiances(bare), bare.copy()
-    for rows, cells in zip(halves, np.split(factors, 2), strict=True):
-        multiply_cells(image[rows], cells)
-    photo = project_photo(lighting, context.photo, len(bare))
-    for rows, target in zip(halves, targets, strict=True):
-        photo.lay(image, rows, target, gain)
+    image = bare.copy()
+    _lay_in_halves(image, factors, project_photo(lighting, context.photo, len(bare)), context.gain(lighting))
     cap_map(image, lighting)
     return image
 
