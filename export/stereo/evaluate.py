@@ -17,8 +17,8 @@ from lighting.errors import LightingError
 from lighting.geometry import Floats
 from lighting.stereo.light_vectors import Skies, gray_skies
 from lighting.stereo.normal_network import Network
+from lighting.stereo.normal_search import world_to_camera
 from lighting.stereo.output import depth_error, integrate_normals
-from lighting.stereo.pose import world_to_camera
 from lighting.stereo.solver import (
     Session,
     add_model_error,

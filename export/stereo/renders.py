@@ -23,7 +23,7 @@ from lighting.stereo.light_vectors import (
     sun_directions,
     sun_light_vectors,
 )
-from lighting.stereo.pose import Pose, camera_to_world, sample_visible_normals, world_to_camera
+from lighting.stereo.normal_search import Pose, camera_to_world, sample_visible_normals, world_to_camera
 
 FloatImage = NDArray[np.float32]
 

@@ -23,8 +23,7 @@ from export.stereo.surfaces import (
     rotate_surface,
 )
 from lighting.stereo.normal_network import BY_IMAGE, SHARED, normal_features
-from lighting.stereo.normal_search import Candidates, make_candidates, search_normals
-from lighting.stereo.pose import Pose, world_to_camera
+from lighting.stereo.normal_search import Candidates, Pose, make_candidates, search_normals, world_to_camera
 
 HELD_OUT_LATITUDES = ((33.0, 37.0), (45.0, 49.0))  # deg; training days are elsewhere
 IMAGES = 8

@@ -250,12 +250,8 @@ def _normals(
         click.echo(json.dumps(record))
     elif not quiet:
         click.echo(_format_normals(day, folder, result))
-    outputs.report_written([str(folder)], _describe_normals, quiet=quiet or as_json)
-
-
-def _describe_normals(folder: str) -> str | None:
-    """How to open the best of what a folder holds."""
-    return outputs.open_command(str(Path(folder, "normals_camera.png")))
+    best = str(folder / "normals_camera.png")
+    outputs.report_written([str(folder)], lambda _: outputs.open_command(best), quiet=quiet or as_json)
 
 
 def _normals_options(sky: str | None, noise: float | None, size: int | None, **options: Any) -> "NormalsOptions":  # noqa: ARG001

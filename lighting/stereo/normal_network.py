@@ -84,7 +84,7 @@ class Network:
         Raises:
             ModelError: the file is not a network of normals of this version.
         """
-        file = _packaged_network() if path is None else path
+        file = packaged_network(DATA_FOLDER, "normals") if path is None else path
         session = create_session(file, threads)
         if {port.name: port.shape[-3] for port in session.get_inputs()} != {"by_image": BY_IMAGE, "shared": SHARED}:
             raise ModelError(f"{file} is not a network of normals of this version.")
@@ -116,11 +116,6 @@ class Network:
             raise ModelError(f"The network of normals failed: {failure}.") from failure
         core = tuple(slice(part.start - start, part.stop - start) for part, start in zip(tile, starts, strict=True))
         return np.moveaxis(normal[0], 0, -1)[core], np.degrees(error[0, 0])[core]
-
-
-def _packaged_network() -> Path:
-    """The one network of normals in this package; ModelError if there is none or a choice."""
-    return packaged_network(DATA_FOLDER, "normals")
 
 
 def _iter_tiles(height: int, width: int) -> Iterator[tuple[slice, slice]]:

@@ -31,8 +31,7 @@ from lighting.records import GROUND_ALBEDO
 from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies
 from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, gray_skies, sun_directions
 from lighting.stereo.normal_network import Network
-from lighting.stereo.normal_search import SearchProgress, ignore_progress
-from lighting.stereo.pose import Pose, camera_to_world
+from lighting.stereo.normal_search import Pose, SearchProgress, camera_to_world, ignore_progress
 from lighting.stereo.solver import (
     MIN_NOISE,
     NormalMap,

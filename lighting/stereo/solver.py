@@ -16,6 +16,7 @@ from lighting.stereo.normal_network import Network, NormalFeatures, normal_featu
 from lighting.stereo.normal_search import (
     Candidates,
     Image,
+    Pose,
     SearchProgress,
     SearchResult,
     ignore_progress,
@@ -23,8 +24,8 @@ from lighting.stereo.normal_search import (
     make_shadow_candidates,
     search_normals,
     search_with_shadows,
+    world_to_camera,
 )
-from lighting.stereo.pose import Pose, world_to_camera
 
 MIN_NOISE = 0.01  # of the brightest pixel, the standard deviation of a photo's noise
 _NOISE_PIXELS = 3000  # pixels at which the noise is measured

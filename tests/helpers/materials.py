@@ -19,7 +19,7 @@ from lighting.probe.fisheye import make_lens
 from lighting.scene.records import Scene
 from lighting.scene.writer import write_scene
 from lighting.stereo.light_vectors import clear_skies, sun_directions
-from lighting.stereo.pose import Pose
+from lighting.stereo.normal_search import Pose
 from tests.helpers.brackets import SKY_DAY, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from tests.helpers.clips import write_clip
 from tests.helpers.engines import run_in_chroot

@@ -12,7 +12,7 @@ from PIL import Image as Picture
 from export.data.rendered_panoramas import RenderedPanorama
 from lighting.geometry import direction
 from lighting.stereo.light_vectors import Skies, illumination_matrices, sun_directions
-from lighting.stereo.pose import Pose, camera_to_world
+from lighting.stereo.normal_search import Pose, camera_to_world
 
 
 def sun_of(scene: RenderedPanorama) -> np.ndarray:

@@ -25,8 +25,8 @@ from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
 from lighting.runtime import start_python
 from lighting.stereo.light_vectors import clear_skies
+from lighting.stereo.normal_search import Pose
 from lighting.stereo.output import _write_png16
-from lighting.stereo.pose import Pose
 from server import job_kinds, jobs
 from server.app import create_app
 from server.job_kinds import MAX_FILES, RESULT_FILE

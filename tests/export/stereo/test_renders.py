@@ -16,7 +16,7 @@ from export.stereo.surfaces import (
     surface_from_height,
 )
 from lighting.stereo.light_vectors import Skies
-from lighting.stereo.pose import Pose
+from lighting.stereo.normal_search import Pose
 from tests.helpers.panoramas import OCTAHEDRON
 
 

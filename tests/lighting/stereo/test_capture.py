@@ -26,8 +26,8 @@ from lighting.stereo.light_vectors import (
     modelled_day,
     sun_directions,
 )
+from lighting.stereo.normal_search import Pose
 from lighting.stereo.output import _write_picture, _write_png16
-from lighting.stereo.pose import Pose
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
 from tests.helpers.skies import JUNE, LATITUDE, ball, gray_blocks, june_suns, photos, write_photo
 

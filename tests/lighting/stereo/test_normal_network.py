@@ -10,8 +10,7 @@ from lighting.errors import ModelError
 from lighting.onnx_session import packaged_network
 from lighting.stereo.light_vectors import clear_skies, gray_skies
 from lighting.stereo.normal_network import BY_IMAGE, SHARED, Network, NormalFeatures, normal_features
-from lighting.stereo.normal_search import make_candidates, search_normals
-from lighting.stereo.pose import Pose, world_to_camera
+from lighting.stereo.normal_search import Pose, make_candidates, search_normals, world_to_camera
 from tests.helpers.skies import ball, june_suns, photos
 
 

@@ -1,4 +1,4 @@
-"""The search of normals, in sun and in shadow."""
+"""The search of normals, and the camera's frame."""
 
 from typing import Any
 
@@ -7,14 +7,18 @@ from numpy.typing import NDArray
 
 from lighting.stereo.light_vectors import Skies, clear_skies, gray_skies
 from lighting.stereo.normal_search import (
+    Pose,
+    _axes,
     _multiply_in_rows,
     _shadow_patterns,
+    camera_to_world,
     make_candidates,
     make_shadow_candidates,
+    sample_visible_normals,
     search_normals,
     search_with_shadows,
+    world_to_camera,
 )
-from lighting.stereo.pose import Pose, sample_visible_normals
 from tests.helpers.skies import angles, june_suns
 
 
@@ -96,3 +100,18 @@ def test_patterns_leave_three_photos_in_the_sun() -> None:
     assert len(lit) == 11
     assert lit.sum(axis=1).min() == 3
     assert make_shadow_candidates(gray_skies(clear_skies(june_suns()[:3])), Pose()) is None
+
+
+def test_a_camera_that_looks_north_has_south_towards_it() -> None:
+    np.testing.assert_allclose(_axes(Pose()), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(camera_to_world([0, 0, 1], Pose(heading=90)), [-1, 0, 0], atol=1e-12)
+    vectors = sample_visible_normals(50)
+    np.testing.assert_allclose(
+        world_to_camera(camera_to_world(vectors, Pose(30, 20, 10)), Pose(30, 20, 10)), vectors, atol=1e-6
+    )
+
+
+def test_visible_normals_are_unit_vectors_spread_evenly() -> None:
+    normals = sample_visible_normals(3000)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, rtol=1e-6)
+    np.testing.assert_allclose(normals.mean(axis=0), [0, 0, 0.5], atol=2e-3)  # the centroid of half a sphere

@@ -14,6 +14,7 @@ from lighting.files.exr import read_exr, write_exr
 from lighting.geometry import latlong_directions, latlong_solid_angle
 from lighting.stereo.capture import _read_day_photo
 from lighting.stereo.light_vectors import clear_skies
+from lighting.stereo.normal_search import Pose, camera_to_world
 from lighting.stereo.output import (
     NormalsOptions,
     _write_mesh,
@@ -23,7 +24,6 @@ from lighting.stereo.output import (
     estimate_normals,
     integrate_normals,
 )
-from lighting.stereo.pose import Pose, camera_to_world
 from lighting.stereo.solver import NormalMap
 from tests.helpers.skies import JUNE, angles, ball, june_suns, photos
 

@@ -9,8 +9,8 @@ import pytest
 from lighting.errors import PhotoError
 from lighting.stereo.light_vectors import clear_skies, gray_skies
 from lighting.stereo.normal_network import Network, NormalFeatures
+from lighting.stereo.normal_search import Pose
 from lighting.stereo.output import _check_sun_moves
-from lighting.stereo.pose import Pose
 from lighting.stereo.solver import (
     NormalMap,
     Session,
