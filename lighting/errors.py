@@ -5,6 +5,7 @@ the errors' classes; nothing reads the sentences. Old names work until a release
 warn.
 """
 
+import reprlib
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -134,6 +135,17 @@ class LightingError(Exception):
         error = cls(f"{field} {predicate}", field, code)
         error._predicate = predicate
         return error
+
+    @classmethod
+    def wrong_type(cls, field: str, expected: str, value: object) -> Self:
+        """Make the error about a value of another type, as `about` does.
+
+        Args:
+            field: the parameter at fault, as Python names it.
+            expected: what it must be, such as "a text".
+            value: what it is.
+        """
+        return cls.about(field, f"must be {expected}, not {reprlib.repr(value)}.", ErrorCode.WRONG_TYPE)
 
     def renamed(self, name_of: Callable[[str], str]) -> Self:
         """Return the same error with the field under the name that a surface has for it, in the sentence too.

@@ -389,8 +389,7 @@ def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str)
     """A list in a record; None where it is absent, which an empty one is not."""
     numbers = sections[section].get(name)
     if numbers is not None and not isinstance(numbers, list | tuple):
-        predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
-        raise ParameterError.about(f"{section}.{name}", predicate, ErrorCode.WRONG_TYPE)
+        raise ParameterError.wrong_type(f"{section}.{name}", "a list of numbers", numbers)
     return None if numbers is None else tuple(numbers)
 
 

@@ -208,8 +208,7 @@ class MapOptions:
             predicate = f'is for around "place", not "{self.around}".'
             raise ParameterError.about("backdrop", predicate, ErrorCode.CONTRADICTION)
         if not isinstance(self.adjustments, Adjustments):
-            predicate = f"must be Adjustments, not {reprlib.repr(self.adjustments)}."
-            raise ParameterError.about("adjustments", predicate, ErrorCode.WRONG_TYPE)
+            raise ParameterError.wrong_type("adjustments", "Adjustments", self.adjustments)
 
     @classmethod
     def of_keywords(cls, height: Any, keywords: Mapping[str, object]) -> Self:

@@ -179,7 +179,7 @@ class Lighting:
         object.__setattr__(self, "sun_candidates", _read_candidates(self.sun_candidates))
         for name in ("model_name", "model_version"):
             if not isinstance(text := getattr(self, name), str):
-                raise ParameterError.about(name, f"must be a text, not {reprlib.repr(text)}.", ErrorCode.WRONG_TYPE)
+                raise ParameterError.wrong_type(name, "a text", text)
         _check_time(self.utc_time, self.time_source)
         object.__setattr__(self, "evidence", tuple(map(_evidence_kind, _texts("evidence", self.evidence))))
         object.__setattr__(self, "warnings", _texts("warnings", self.warnings))
@@ -214,8 +214,7 @@ class Lighting:
         convert_numpy_numbers(self, name)
         values: object = self.camera_heading_probability
         if not isinstance(values, tuple):
-            predicate = f"must be a list of numbers, not {reprlib.repr(values)}."
-            raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
+            raise ParameterError.wrong_type(name, "a list of numbers", values)
         if values and len(values) != 360:
             predicate = f"has {len(values)} values; it must have 360."
             raise ParameterError.about(name, predicate, ErrorCode.OUT_OF_RANGE)
@@ -402,10 +401,9 @@ def _check_sky_model(field: str, name: object) -> None:
 
 def _check_time(utc_time: object, source: object) -> None:
     if utc_time is not None and not (isinstance(utc_time, datetime) and utc_time.tzinfo is not None):
-        predicate = f"must be a time with its offset from UTC, not {reprlib.repr(utc_time)}."
-        raise ParameterError.about("utc_time", predicate, ErrorCode.WRONG_TYPE)
+        raise ParameterError.wrong_type("utc_time", "a time with its offset from UTC", utc_time)
     if not isinstance(source, str | None):
-        raise ParameterError.about("time_source", f"must be a text, not {reprlib.repr(source)}.", ErrorCode.WRONG_TYPE)
+        raise ParameterError.wrong_type("time_source", "a text", source)
 
 
 def _read_candidates(values: object) -> tuple[SunCandidate, ...]:
@@ -420,7 +418,7 @@ def _read_candidates(values: object) -> tuple[SunCandidate, ...]:
 
 def _texts(name: str, values: object) -> tuple[str, ...]:
     if not isinstance(values, list | tuple) or not all(isinstance(value, str) for value in values):
-        raise ParameterError.about(name, f"must be a list of texts, not {reprlib.repr(values)}.", ErrorCode.WRONG_TYPE)
+        raise ParameterError.wrong_type(name, "a list of texts", values)
     return tuple(values)
 
 

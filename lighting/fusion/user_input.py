@@ -155,8 +155,7 @@ class UserInput:
     def _check(self) -> None:
         for name in ("metadata", "keep_location"):
             if not isinstance(getattr(self, name), bool):
-                predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
-                raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
+                raise ParameterError.wrong_type(name, "True or False", getattr(self, name))
         if stated := [name for name in _RANGES if getattr(self, name) is not None]:
             convert_numpy_numbers(self, *stated)
             for name in stated:
@@ -210,9 +209,7 @@ class UserInput:
 
     def _check_time(self) -> None:
         if not isinstance(self.time, datetime | None):
-            kind = reprlib.repr(self.time)
-            predicate = f"must be a datetime or a text such as 2024-06-01T14:30, not {kind}."
-            raise ParameterError.about("time", predicate, ErrorCode.WRONG_TYPE)
+            raise ParameterError.wrong_type("time", "a datetime or a text such as 2024-06-01T14:30", self.time)
         if self.time is not None and not YEAR_RANGE[0] <= self.time.year <= YEAR_RANGE[1]:
             sentence = f"The time must lie in the years {YEAR_RANGE[0]} to {YEAR_RANGE[1]}."
             raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
