@@ -390,12 +390,11 @@ def _normals_onnx(run: Path, version: str, out: Path | None) -> None:
 @_stereo.command("evaluate")
 @click.option("--data", type=PATH, required=True, help="Folder with scanned_objects and meshes.")
 @click.option("--network", type=PATH, default=None, help="Network to score. [the one in the package]")
-@click.option("--quick", is_flag=True, help="Thin the shapes of the first tables like those of the others.")
 @click.option("--table", "tables", multiple=True, metavar="NAME", help="Print only this table, or these. [all]")
-def _normals_evaluate(data: Path, network: Path | None, quick: bool, tables: tuple[Any, ...]) -> None:
+def _normals_evaluate(data: Path, network: Path | None, tables: tuple[Any, ...]) -> None:
     """Print how far normals are off on shapes and latitudes that training never saw; a quarter of an hour.
 
-    Tables: seasons, wrong, expected.
+    Tables: seasons, expected.
     """
     from export.stereo.evaluate import TABLES
     from export.stereo.evaluate import evaluate_normals as run
@@ -403,7 +402,7 @@ def _normals_evaluate(data: Path, network: Path | None, quick: bool, tables: tup
 
     if unknown := set(tables).difference(TABLES):
         raise click.BadParameter(f"{min(unknown)} is no table; give one of {', '.join(TABLES)}.", param_hint="--table")
-    run(data, Network.load(network), click.echo, quick=quick, tables=tables or TABLES)
+    run(data, Network.load(network), click.echo, tables or TABLES)
 
 
 def _run_export() -> None:

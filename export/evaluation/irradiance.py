@@ -1,18 +1,17 @@
 """How near the estimated light comes to that of HDR panoramas, as numbers and on objects, by weather.
 
-Beside each network stand answers without one: the mean map of the training panoramas, the photo mirrored around, and
-oracles. Oracles are our own answer with parts of the truth put in.
+Beside each network stands an answer without one: the mean map of the training panoramas.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.crops import Crop, Source, crop_panorama, load_sources, pinhole_camera
+from export.crops.crops import Crop, Source, crop_panorama, load_sources
 from export.data.panoramas import DataError, Panorama, linearize, read_index
 from export.evaluation.metrics import Names, markdown_table
 from export.evaluation.predictions import CROPS_EACH, View, load_models, protocol_views
@@ -20,10 +19,9 @@ from export.evaluation.relighting import HEIGHT, OBJECTS, object_errors, pool_ma
 from lighting.color import luminance, tone_map
 from lighting.envmap.latlong import row_irradiance, shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
-from lighting.envmap.render import level_irradiance, render, sky_irradiance, sun_light, with_irradiance
+from lighting.envmap.render import render, sky_irradiance, sun_light, with_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.estimator import Estimator
-from lighting.fields import clip_color
 from lighting.fusion.estimate import apply_photo_colors, build_estimate
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import fuse
@@ -32,9 +30,7 @@ from lighting.geometry import (
     Floats,
     angle_between,
     angles,
-    camera_pixel,
     direction,
-    latlong_angles,
     latlong_directions,
     latlong_solid_angle,
 )
@@ -131,33 +127,6 @@ def _level_irradiances(image: Floats) -> tuple[Floats, Floats]:
     rows = row_irradiance(len(image))[:, None] * image.mean(axis=1, dtype=np.float64)
     half = len(image) // 2
     return np.asarray(rows[:half].sum(axis=0)), np.asarray(rows[half:].sum(axis=0))
-
-
-def mirror_photo(crop: Crop) -> Floats:
-    """The map (HEIGHT, 2 HEIGHT, 3) of a picture that is mirrored at its edges until it fills the sphere.
-
-    The picture's angles are those of its true camera; what is brighter than white is clipped, as in a photo.
-
-    Args:
-        crop: a picture and its camera.
-    """
-    height, width = crop.linear.shape[:2]
-    camera = pinhole_camera(crop.camera, width, height)
-    across = math.degrees(2 * math.atan(width / 2 / camera.focal_length))
-    azimuth, elevation = latlong_angles(HEIGHT)
-    tilt = crop.camera.elevation
-    folded = tilt + _folded(elevation - tilt, camera.vertical_fov)
-    inside = direction(_folded(azimuth, across)[None, :], folded[:, None])
-    x, y = np.moveaxis(camera_pixel(inside, camera), -1, 0)
-    column = np.clip(np.nan_to_num(x), 0, width - 1).astype(int)
-    row = np.clip(np.nan_to_num(y), 0, height - 1).astype(int)
-    return np.asarray(np.clip(crop.linear, 0, 1)[row, column])
-
-
-def _folded(angle: Floats, span: float) -> Floats:
-    """Angles [deg] folded like a fan into -span / 2 to span / 2."""
-    shifted = np.mod(angle + span / 2, 2 * span)
-    return np.asarray(np.where(shifted < span, shifted, 2 * span - shifted) - span / 2)
 
 
 def mean_light_map(lights: Sequence[TrueLight]) -> Floats:
@@ -277,46 +246,12 @@ def estimate_from_pixels(model: Model, photo: Photo) -> EstimatedLight:
 
 
 def _guesses(name: str, model: Model, crops: HdrCrops) -> dict[str, _Guess]:
-    """A network's bare sky, the same with the place, and the oracles."""
+    """A network's bare sky, and the same with the place."""
     answers = estimate_crops(model, crops.crops)
     lights = tuple(with_irradiance(estimate.lighting) for estimate, _ in answers)
     bare = np.stack([render(estimate.lighting, HEIGHT) for estimate, _ in answers])
     full = np.stack([render_with_surroundings(e.lighting, context, HEIGHT) for e, context in answers])
-    guesses = {name: _Guess(bare, lights), f"{name}, surroundings": _Guess(full, lights)}
-    for what, change in ORACLES.items():
-        changed = tuple(change(light, truth) for light, truth in zip(lights, crops.truth, strict=True))
-        guesses[f"{name}, {what}"] = _Guess(np.stack([render(light, HEIGHT) for light in changed]), changed)
-    return guesses
-
-
-def _true_direction(light: Lighting, truth: TrueLight) -> Lighting:
-    if truth.sun_direction is None:
-        return light
-    azimuth, elevation = (float(angle) for angle in angles(truth.sun_direction))
-    return replace(light, sun_azimuth=azimuth, sun_elevation=max(elevation, 0.0))
-
-
-def _true_power(light: Lighting, truth: TrueLight) -> Lighting:
-    sun = clip_color(truth.sun_irradiance, "sun_irradiance")
-    return replace(light, sun_irradiance=sun, sky_irradiance=clip_color(truth.sky_irradiance, "sky_irradiance"))
-
-
-def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
-    return _true_power(_true_direction(light, truth), truth)
-
-
-def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
-    light = _true_both(light, truth)
-    level = np.maximum(level_irradiance(light), 1e-9)
-    return replace(light, ground_color=clip_color(np.pi * truth.ground / level, "ground_color"))
-
-
-ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {
-    "true direction": _true_direction,
-    "true power and colour": _true_power,
-    "both": _true_both,
-    "and true ground": _true_ground,
-}
+    return {name: _Guess(bare, lights), f"{name}, surroundings": _Guess(full, lights)}
 
 
 def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
@@ -335,7 +270,6 @@ def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
         methods |= _guesses(name, model, crops)
     training = take_hdr_crops(data, labels, spec, "train", each=1).truth
     methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(crops.crops)))
-    methods["photo mirrored around"] = _Guess(np.stack([mirror_photo(crop) for crop in crops.crops]))
     return "\n\n".join(_section(crops, methods, str(kind)) for kind in ("sunny", "overcast") if kind in crops.weather)
 
 

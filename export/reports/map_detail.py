@@ -44,7 +44,6 @@ from lighting.geometry import (
     camera_directions,
     latlong_angles,
     latlong_directions,
-    latlong_pixel,
     latlong_solid_angle,
     sample_latlong,
 )
@@ -55,7 +54,6 @@ from lighting.records import Lighting
 # How like a real place a map looks, and how near objects in it come to the truth.
 
 Images = NDArray[np.float32]
-Sampler = tuple[NDArray[np.intp], NDArray[np.float32]]  # pixels (4, P) of a map and their shares
 
 VIEW_PIXELS = 224  # along each side of a view
 VIEW_AZIMUTHS = (90.0, 180.0, -90.0)  # deg, away from the photo
@@ -206,13 +204,12 @@ def looked_at(image: Images) -> list[Images]:
     Args:
         image: (H, 2H, 3) linear.
     """
-    ball = _take(np.clip(image, 0, 1), _ball_sampler(len(image)))
-    side = VIEW_PIXELS * _SUPERSAMPLING
-    ball = ball.reshape(VIEW_PIXELS, _SUPERSAMPLING, side // _SUPERSAMPLING, _SUPERSAMPLING, 3).mean(axis=(1, 3))
+    shown = np.clip(image, 0, 1)
+    ball = sample_latlong(shown, _ball_rays(VIEW_PIXELS * _SUPERSAMPLING, whole=True)[1])
+    ball = ball.reshape(VIEW_PIXELS, _SUPERSAMPLING, VIEW_PIXELS, _SUPERSAMPLING, 3).mean(axis=(1, 3))
+    cameras = [Pinhole(VIEW_PIXELS, VIEW_PIXELS, VIEW_FOV, azimuth) for azimuth in VIEW_AZIMUTHS]
     views = [ball * _on_ball(VIEW_PIXELS)[..., None]]
-    for azimuth in VIEW_AZIMUTHS:
-        view = _take(np.clip(image, 0, 1), _view_sampler(len(image), azimuth))
-        views.append(view.reshape(VIEW_PIXELS, VIEW_PIXELS, 3))
+    views += [sample_latlong(shown, camera_directions(camera)) for camera in cameras]
     return [np.asarray(srgb_encode(np.maximum(view, 0)), dtype=np.float32) for view in views]
 
 
@@ -254,8 +251,8 @@ def distances_by_places(features: Floats, true: Floats, places: NDArray[np.str_]
 
 def _mirror_error(shown: Images, true: Images) -> tuple[float, float]:
     """Relative RMSE and the mean angle [deg] between RGB vectors on a mirror ball."""
-    sampler = _reflection_sampler(len(shown))
-    ball, ball_true = _take(shown, sampler), _take(true, sampler)
+    rays = _ball_rays(VIEW_PIXELS // 2)[1]
+    ball, ball_true = sample_latlong(shown, rays), sample_latlong(true, rays)
     return _relative_rms(ball, ball_true), float(rgb_angle(ball, ball_true).mean())
 
 
@@ -310,44 +307,6 @@ def _ball_rays(pixels: int, whole: bool = False) -> tuple[Floats, Floats]:
     kept = np.ones(x.shape, bool) if whole else _on_ball(pixels)
     normal = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)[kept]
     return normal, 2 * normal[:, 2:] * normal - np.array([0.0, 0.0, 1.0])
-
-
-@lru_cache(maxsize=2)
-def _ball_sampler(height: int) -> Sampler:
-    return _sampler(_ball_rays(VIEW_PIXELS * _SUPERSAMPLING, whole=True)[1], height)
-
-
-@lru_cache(maxsize=2)
-def _reflection_sampler(height: int) -> Sampler:
-    return _sampler(_ball_rays(VIEW_PIXELS // 2)[1], height)
-
-
-@lru_cache(maxsize=2 * len(VIEW_AZIMUTHS))
-def _view_sampler(height: int, azimuth: float) -> Sampler:
-    return _sampler(camera_directions(Pinhole(VIEW_PIXELS, VIEW_PIXELS, VIEW_FOV, azimuth)).reshape(-1, 3), height)
-
-
-def _sampler(directions: Floats, height: int) -> Sampler:
-    """Bilinear sampling of directions (P, 3) in a map; columns wrap and rows end."""
-    position = latlong_pixel(directions, height) - 0.5
-    low = np.floor(position).astype(np.intp)
-    share = position - low
-    pixels, shares = [], []
-    for down in (0, 1):
-        row = np.clip(low[:, 1] + down, 0, height - 1)
-        for right in (0, 1):
-            pixels.append(row * 2 * height + (low[:, 0] + right) % (2 * height))
-            shares.append(np.abs(1 - right - share[:, 0]) * np.abs(1 - down - share[:, 1]))
-    return np.stack(pixels), np.stack(shares).astype(np.float32)
-
-
-def _take(image: Images, sampler: Sampler) -> Images:
-    """Values (P, 3) of a map."""
-    flat, (pixels, shares) = image.reshape(-1, 3), sampler
-    total = np.zeros((pixels.shape[1], 3), np.float32)
-    for index, share in zip(pixels, shares, strict=True):
-        total += flat.take(index, axis=0) * share[:, None]
-    return total
 
 
 # The report.

@@ -157,21 +157,9 @@ def normal_angles(a: Floats, b: Floats) -> Image:
 
 Say = Callable[[str], None]
 
-FINE, COARSE = 2, 4  # every so many pixels of the shapes, in the first tables and in the others
+FINE, COARSE = 2, 4  # every so many pixels of the shapes, in the tables of seasons and in the other
 
-_WRONG: dict[str, dict[str, Any]] = {
-    "nothing wrong": {},
-    "heading off by 2°": {"heading_error": 2.0},
-    "clock off by 5 min": {"clock_error": 5.0},
-    "turbidity off by 2": {"turbidity_error": 2.0},
-    "turbidity found from the photos": {"fitted": True},
-    "cast shadows": {"shadows": True},
-    "all four": {"heading_error": 2.0, "clock_error": 5.0, "turbidity_error": 2.0, "shadows": True},
-    "the same, turbidity found": {"heading_error": 2.0, "clock_error": 5.0, "fitted": True, "shadows": True},
-}
-
-
-Table = Literal["seasons", "wrong", "expected"]
+Table = Literal["seasons", "expected"]
 TABLES = get_args(Table)
 
 _UNEXPECTED: dict[str, dict[str, Any]] = {
@@ -184,16 +172,13 @@ _UNEXPECTED: dict[str, dict[str, Any]] = {
 }
 
 
-def evaluate_normals(
-    data: Path, network: Network, say: Say, *, quick: bool = False, tables: Sequence[Table] = TABLES
-) -> None:
+def evaluate_normals(data: Path, network: Network, say: Say, tables: Sequence[Table] = TABLES) -> None:
     """Print tables of errors on shapes that training never saw.
 
     Args:
         data: folder with `scanned_objects` and `meshes`.
         network: to score.
         say: takes each part as text.
-        quick: thin the shapes of `seasons` like those of the other tables.
         tables: of TABLES.
 
     Raises:
@@ -206,10 +191,8 @@ def evaluate_normals(
     for table in tables:
         if table == "expected":
             _expected(scanned, network, say)
-        elif table == "seasons":
-            _seasons(coarse if quick else list(read_subjects(data, FINE)), network, say)
         else:
-            _wrong(scanned, network, say)
+            _seasons(list(read_subjects(data, FINE)), network, say)
 
 
 def _seasons(shapes: Sequence[Subject], network: Network, say: Say) -> None:
@@ -244,15 +227,6 @@ def _depth(result: _Result) -> str:
     surface, scale = result.subject.surface, result.subject.scale
     depths = (integrate_normals(normals, surface.mask) for normals in (surface.normals, result.search, result.network))
     return ", ".join(f"{scale * depth_error(depth, surface.height, surface.mask):.1f}" for depth in depths)
-
-
-def _wrong(shapes: Sequence[Subject], network: Network, say: Say) -> None:
-    title = "What is wrong"
-    say(f"\n{title}; scanned objects, every {COARSE}th pixel, one channel\n")
-    _head((title,), say)
-    for name, change in _WRONG.items():
-        cells = [_cell(run_session(shapes, _trial(season, change), network)) for season in range(len(SEASONS))]
-        _row((name,), cells, say)
 
 
 def _expected(shapes: Sequence[Subject], network: Network, say: Say) -> None:

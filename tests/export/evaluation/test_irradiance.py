@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
-from export.crops.crops import Camera, Crop
 from export.evaluation.irradiance import (
-    ORACLES,
     TrueLight,
     _Guess,
     _objects_table,
     _strengths_table,
     mean_light_map,
-    mirror_photo,
     split_sun,
     true_light,
 )
@@ -49,18 +46,6 @@ def test_without_direct_light_the_whole_sky_is_sky() -> None:
     )
 
 
-def test_a_mirrored_photo_repeats_itself_all_around() -> None:
-    linear = np.zeros((60, 80, 3), np.float32)
-    linear[:30], linear[30:] = 0.8, 0.2
-    linear[0, 0] = 5.0
-    crop = Crop(linear, Camera(0.0, 0.0, 0.0, 50.0, 4 / 3), 0.0, 30.0, 1.0, 1.0, 3.0, 1.0)
-    image = mirror_photo(crop)
-    assert image.shape == (HEIGHT, 2 * HEIGHT, 3)
-    assert image.max() <= 1
-    assert image[HEIGHT // 2 - 2].mean() == pytest.approx(0.8, abs=0.02)
-    assert image[HEIGHT // 2 + 2].mean() == pytest.approx(0.2, abs=0.02)
-
-
 def test_the_mean_map_knows_no_azimuth() -> None:
     ramp = np.broadcast_to(np.linspace(0, 1, 2 * HEIGHT)[None, :, None], (HEIGHT, 2 * HEIGHT, 3))
     light = TrueLight(ramp, None, np.zeros(3), np.ones(3), np.ones(3))
@@ -93,15 +78,6 @@ def test_a_light_half_as_strong_is_one_stop_too_dark() -> None:
     assert other[3:7] == ["-"] * 4
     assert float(other[1]) == pytest.approx(0.0, abs=0.03)
     assert float(other[7]) == pytest.approx(0.0, abs=0.03)
-
-
-def test_the_last_oracle_is_nearly_the_truth() -> None:
-    wrong = Lighting(0.0, 20.0, 3.0, 1.0, sun_irradiance=(1.0, 1.0, 1.0), sky_irradiance=(1.0, 1.0, 1.0))
-    told = ORACLES["and true ground"](wrong, TRUTH[0])
-    assert told.sun_elevation == pytest.approx(40.0, abs=0.6)
-    assert told.ground_color == pytest.approx((0.12, 0.11, 0.1), rel=0.05)
-    assert ORACLES["true direction"](wrong, TRUTH[0]).sun_irradiance == (1.0, 1.0, 1.0)
-    assert ORACLES["true power and colour"](wrong, TRUTH[0]).sun_azimuth == 0.0
 
 
 @pytest.mark.slow
