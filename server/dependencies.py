@@ -209,8 +209,7 @@ class Service:
     def estimator(self) -> Estimator:
         """The loaded estimator; raises ProblemError (503) before it is loaded."""
         if self.loaded_estimator is None:
-            retry = {"Retry-After": problems.RETRY_SECONDS}
-            raise ProblemError(problems.NOT_READY, "The network is not loaded yet.", retry)
+            raise ProblemError(problems.NOT_READY)
         return self.loaded_estimator
 
     @property
@@ -227,8 +226,7 @@ class Service:
     def find_fault(self) -> Exception | None:
         """Why a new client's photo would be refused with 503, or a job wait in vain; None if all is well."""
         if not self.ready:
-            retry = {"Retry-After": problems.RETRY_SECONDS}
-            return ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
+            return ProblemError(problems.NOT_READY, "The network has not answered yet.")
         if self.ending:
             return BusyError("The service shuts down.")
         if self.limiter.full:
@@ -406,12 +404,9 @@ async def require_api_key(request: Request, credentials: _Credentials) -> None:
     """
     challenge = {"WWW-Authenticate": "Bearer"}
     if credentials is None or not credentials.credentials:
-        detail = "Send one of the service's API keys: Authorization: Bearer KEY."
-        raise ProblemError(problems.UNAUTHORIZED, detail, challenge)
+        raise ProblemError(problems.UNAUTHORIZED, headers=challenge)
     if request.app.state.service.keys.find(credentials.credentials) is None:
-        raise ProblemError(
-            problems.FORBIDDEN, "The service does not know this API key; ask its operator for one.", challenge
-        )
+        raise ProblemError(problems.FORBIDDEN, headers=challenge)
 
 
 async def enforce_rate_limit(request: Request) -> None:

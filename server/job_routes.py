@@ -117,7 +117,7 @@ async def _find_job(id: str, jobs: JobsDep) -> StoredJob:
     """The job that a path names; raises ProblemError (404)."""
     job = jobs.store.find(id)
     if job is None:
-        raise ProblemError(problems.UNKNOWN_JOB, problems.UNKNOWN_JOB.example)
+        raise ProblemError(problems.UNKNOWN_JOB)
     return job
 
 
@@ -169,7 +169,7 @@ async def _submit_job(
     if service.tracer:
         wanted["trace"] = service.tracer.current_context()
     await jobs.submit(StoredJob(number, client_of_request(request), wanted))
-    return _answer_job(request, jobs, number, 202)
+    return _answer_job(request, jobs, await _find_job(number, jobs), 202)
 
 
 @router.get(
@@ -181,7 +181,7 @@ async def _submit_job(
 )
 async def _describe_job(request: Request, jobs: JobsDep, job: JobDep) -> JSONResponse:
     """Ask again after `Retry-After` seconds until `state` is `finished` or `failed`."""
-    return _answer_job(request, jobs, job.id, 200)
+    return _answer_job(request, jobs, job, 200)
 
 
 @router.get(
@@ -216,11 +216,8 @@ async def _delete_job(jobs: JobsDep, job: JobDep) -> Response:
     return Response(status_code=204)
 
 
-def _answer_job(request: Request, jobs: JobRunner, number: str, status: int) -> JSONResponse:
-    """The record of a job that exists."""
-    job = jobs.store.find(number)
-    if job is None:
-        raise ProblemError(problems.UNKNOWN_JOB, problems.UNKNOWN_JOB.example)
+def _answer_job(request: Request, jobs: JobRunner, job: StoredJob, status: int) -> JSONResponse:
+    """The record of a job."""
     address = link_from(request, f"/v1/jobs/{job.id}")
     finished, ended = job.state is JobState.FINISHED, job.expires is not None
     record = JobRecord(

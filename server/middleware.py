@@ -187,7 +187,7 @@ def _find_bad_range(scope: Scope, start: Message) -> ProblemError | None:
     if not is_text or start["status"] not in (400, 416) or "range" not in Headers(scope=scope):
         return None
     length = {name: headers[name] for name in ("content-range",) if name in headers}
-    return ProblemError(problems.BAD_RANGE, problems.BAD_RANGE.example, length)
+    return ProblemError(problems.BAD_RANGE, headers=length)
 
 
 class _HeadAsGetMiddleware(_Middleware):
@@ -319,10 +319,9 @@ class _BrowserGuardMiddleware(_Middleware):
     def _find_error(self, scope: Scope, headers: Headers) -> ProblemError | None:
         host = _host_name(headers.get("host", ""))
         if not self._is_own_name(scope, headers, host):
-            return ProblemError(problems.WRONG_HOST, problems.WRONG_HOST.example)
+            return ProblemError(problems.WRONG_HOST)
         if "*" not in self.settings.cors_origins and self._is_foreign(scope, headers, host):
-            detail = "Web pages of other origins are refused; the operator can add this one to LIGHTING_CORS_ORIGINS."
-            return ProblemError(problems.FOREIGN_ORIGIN, detail)
+            return ProblemError(problems.FOREIGN_ORIGIN)
         return None
 
     def _is_own_name(self, scope: Scope, headers: Headers, host: str) -> bool:

@@ -35,8 +35,9 @@ class ProblemKind:
     name: str
     status: int
     title: str
-    example: str = ""  # of a detail
+    example: str = ""  # of a detail, which is that unless another is told
     meaning: str = ""  # when it is answered
+    passes: bool = False  # whether clients are to try again after RETRY_SECONDS
 
     @property
     def type(self) -> str:
@@ -182,6 +183,7 @@ TOO_MANY_UPLOADS = ProblemKind(
     "Too many uploads at once from one client",
     "Too many bodies are arriving from this client; send them one after another.",
     "`LIGHTING_UPLOADS_PER_CLIENT` bodies are arriving from this client. Try again after `Retry-After` seconds.",
+    passes=True,
 )
 SHARE_TAKEN = ProblemKind(
     "share-taken",
@@ -189,6 +191,7 @@ SHARE_TAKEN = ProblemKind(
     "One client has its share of the service",
     "The queue is full, and this client has its share of it.",
     "This client has its share of the queue or of the answers that wait. Try again after `Retry-After` seconds.",
+    passes=True,
 )
 HEADERS_TOO_LARGE = ProblemKind(
     "headers-too-large",
@@ -211,6 +214,7 @@ NOT_READY = ProblemKind(
     "The network is not loaded yet",
     "The network is not loaded yet.",
     "The network is loading; try again after `Retry-After` seconds.",
+    passes=True,
 )
 BUSY = ProblemKind(
     "busy",
@@ -219,6 +223,7 @@ BUSY = ProblemKind(
     "All workers are busy and the queue is full.",
     "The queue is full, this upload was the slowest of `LIGHTING_UPLOADS`, or the service shuts down. "
     "Try again after `Retry-After` seconds.",
+    passes=True,
 )
 
 KINDS = (
@@ -284,11 +289,14 @@ _EXAMPLE_FIELD = InvalidField(
 
 
 class ProblemError(Exception):
-    """Ends a request with a problem; `more` adds members to its body."""
+    """Ends a request with a problem, by its example unless a detail is told; `more` adds members to its body."""
 
-    def __init__(self, kind: ProblemKind, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
-        super().__init__(detail)
-        self.kind, self.detail, self.headers, self.more = kind, detail, headers, more
+    def __init__(
+        self, kind: ProblemKind, detail: str = "", headers: Mapping[str, str] | None = None, **more: Any
+    ) -> None:
+        super().__init__(detail or kind.example)
+        self.kind, self.detail, self.more = kind, detail or kind.example, more
+        self.headers = ({"Retry-After": RETRY_SECONDS} if kind.passes else {}) | dict(headers or {})
 
 
 def invalid_field_error(
@@ -362,16 +370,15 @@ def _problem_of(request: Request, error: Exception) -> ProblemError:
         case ParameterError():
             return _problem_of_parameter(error)
         case BusyError():
-            return ProblemError(BUSY, str(error), {"Retry-After": RETRY_SECONDS})
+            return ProblemError(BUSY, str(error))
         case TooManyUploadsError():
-            detail = "Too many bodies are arriving from this client; send them one after another."
-            return ProblemError(TOO_MANY_UPLOADS, detail, {"Retry-After": RETRY_SECONDS})
+            return ProblemError(TOO_MANY_UPLOADS)
         case ShareTakenError():
-            return ProblemError(SHARE_TAKEN, str(error), {"Retry-After": RETRY_SECONDS})
+            return ProblemError(SHARE_TAKEN, str(error))
         case ClientDisconnect():
             return ProblemError(CLIENT_GONE, "The client disconnected.")
         case _:
-            return ProblemError(INTERNAL, "An unexpected error occurred in the service.")
+            return ProblemError(INTERNAL)
 
 
 def _problem_of_parameter(error: ParameterError) -> ProblemError:
@@ -474,7 +481,7 @@ async def problem_response(request: Request, error: Exception) -> Response:
         removed = (instead for route, instead in _REMOVED_ROUTES.items() if path.startswith(f"{route}/"))
         problem = next((ProblemError(REMOVED, instead) for instead in removed), problem)
     if problem.kind is METHOD_NOT_ALLOWED:
-        problem.headers = _allow_header(request, (problem.headers or {}).get("Allow", ""))
+        problem.headers = _allow_header(request, problem.headers.get("Allow", ""))
         if allowed := problem.headers.get("Allow"):
             problem.detail = f"{request.method[:16]} is not allowed here; allowed is {allowed}."
     if problem.kind is INTERNAL:

@@ -184,8 +184,7 @@ class RequestBody:
         """Raise ProblemError for a compressed body, which would look like a damaged photo."""
         coding = self.request.headers.get("content-encoding", "").strip().lower()
         if coding not in ("", "identity"):
-            detail = "The body has a Content-Encoding; send it as it is, without one."
-            raise ProblemError(problems.UNSUPPORTED_TYPE, detail, {"Accept-Encoding": "identity"})
+            raise ProblemError(problems.UNSUPPORTED_TYPE, headers={"Accept-Encoding": "identity"})
 
     async def _within_limits(self, read: Callable[[], Awaitable[_T]]) -> _T:
         with self._place, self._deadline:
@@ -193,7 +192,7 @@ class RequestBody:
             return await read()
         if self._must_go:
             detail = "As many bodies are arriving as the service takes at once, and this one came most slowly."
-            raise ProblemError(problems.BUSY, detail, {"Retry-After": problems.RETRY_SECONDS, "Connection": "close"})
+            raise ProblemError(problems.BUSY, detail, {"Connection": "close"})
         detail = f"The body must arrive within {self.limits.seconds:g} s and at {self.limits.rate} bytes per second."
         raise ProblemError(problems.TOO_SLOW, detail, {"Connection": "close"})
 

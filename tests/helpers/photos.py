@@ -87,12 +87,21 @@ def with_xmp(data: bytes, kind: str) -> dict[str, Any]:
 
 
 def write_png16(path: Path, pixels: NDArray[np.uint16], camera: dict[int, Any] | None = None) -> Path:
-    """A PNG of 16-bit colours (H, W, 3), with those EXIF tags about the camera."""
-    height, width, _ = pixels.shape
+    """A PNG of 16-bit colors (H, W, 3) or grays (H, W, 1), with those EXIF tags about the camera."""
+    height, width, channels = pixels.shape
     rows = pixels.astype(">u2").view(np.uint8).reshape(height, -1)
     plain = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1).tobytes()
     block = exif(camera).tobytes().removeprefix(b"Exif\0\0") if camera else b""
-    path.write_bytes(png(width, height, plain, *([chunk(b"eXIf", block)] if block else []), depth=16, colour=2))
+    path.write_bytes(
+        png(
+            width,
+            height,
+            plain,
+            *([chunk(b"eXIf", block)] if block else []),
+            depth=16,
+            colour=2 if channels == 3 else 0,
+        )
+    )
     return path
 
 

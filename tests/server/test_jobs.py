@@ -26,7 +26,6 @@ from lighting.files.exr import read_exr
 from lighting.runtime import start_python
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.normal_search import Pose
-from lighting.stereo.output import _write_png16
 from server import job_kinds, jobs
 from server.app import create_app
 from server.job_kinds import MAX_FILES, RESULT_FILE
@@ -36,6 +35,7 @@ from server.request_body import RequestBody
 from server.settings import Settings, SettingsError
 from tests.conftest import encode, scene
 from tests.helpers.clips import pan, write_clip
+from tests.helpers.photos import write_png16
 from tests.helpers.skies import JUNE, ball, june_suns, photos
 from tests.server.conftest import pack, problem, wait
 
@@ -104,7 +104,7 @@ def test_the_photos_of_a_day_become_normals(client: TestClient, tmp_path: Path) 
     normals, mask, _ = ball()
     images = photos(normals, mask, clear_skies(june_suns()), Pose(heading=20.0))
     for index, image in enumerate(images):
-        _write_png16(tmp_path / f"{index}.png", 65535 * image)
+        write_png16(tmp_path / f"{index}.png", np.rint(65535 * np.clip(image, 0, 1)).astype(np.uint16))
     Image.fromarray((255 * mask).astype(np.uint8)).save(tmp_path / "mask.png")
     files = {f"day/{path.name}": path.read_bytes() for path in tmp_path.glob("*.png")}
     rows = "".join(f"{index}.png,{time}+00:00\n" for index, time in enumerate(JUNE))

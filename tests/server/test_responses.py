@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from starlette.requests import Request
+from starlette.testclient import TestClient
 
 from export.evaluation.metrics_file import collect_metrics, read_metrics, write_metrics
 from export.evaluation.report import CAMERA_AND_SKY, SUN_COLUMNS, Figures
+from lighting.estimator import Estimator
 from lighting.geometry import angles
 from lighting.light_probe import compute_light_probe
 from lighting.model import METRICS, Model, packaged_model
@@ -20,12 +22,12 @@ from lighting.photo.reader import PhotoCrop
 from lighting.prediction import EstimatedLight, SunDistribution
 from lighting.records import Lighting
 from lighting.sun_grid import grid_directions
+from server.app import create_app
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
 from server.responses import estimate_to_json, is_fresh
-from server.routes import _read_accuracy
 from server.schemas import LightingEstimate, ModelCard
-from tests.conftest import TINY
+from server.settings import Settings
 
 GRID = "fibonacci:64"
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)
@@ -150,20 +152,27 @@ def test_a_clients_copyis_fresh_if_it_has_the_tag(copy: str, fresh: bool) -> Non
     assert is_fresh(request(copy), 'W/"a"') is fresh
 
 
+def accuracy_of(network: Path | None, folder: Path) -> dict[str, dict[str, float]]:
+    """What a service states of a network whose figures lie in a folder."""
+    settings = Settings(model=folder / "network.onnx")
+    client = TestClient(create_app(settings, Estimator(Model.load(network))))
+    return dict(client.get("/v1/model").raise_for_status().json()["accuracy"])
+
+
 def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path, network: Path) -> None:
     measured: Figures = {name: float(i) for i, name in enumerate([*SUN_COLUMNS.values(), *CAMERA_AND_SKY.values()])}
     (tmp_path / "panoramas.csv").write_text("name,file,kind,place,split\n", encoding="utf-8")
     figures: dict[str, Figures] = {"phone": measured, "paper": {**measured, "sun_median": None}}
     write_metrics(collect_metrics(network, tmp_path, "", figures, "tiny"), tmp_path)
     # nothing is stated of a protocol without suns to score
-    assert _read_accuracy(TINY, tmp_path) == {"phone": measured}
+    assert accuracy_of(network, tmp_path) == {"phone": measured}
     assert set(measured) == set(ModelCard.Accuracy.model_fields)
 
 
 def test_the_packaged_network_s_figures_are_those_of_its_tables() -> None:
     """The row of the network in the table of the sun, which the same evaluation wrote."""
     folder = packaged_model().parent
-    metrics, stated = read_metrics(folder / METRICS), _read_accuracy(Model.load().spec, folder)
+    metrics, stated = read_metrics(folder / METRICS), accuracy_of(None, folder)
     assert set(stated) == {"paper", "phone"}
     for protocol, numbers in stated.items():
         assert set(numbers) == set(ModelCard.Accuracy.model_fields)
@@ -171,6 +180,6 @@ def test_the_packaged_network_s_figures_are_those_of_its_tables() -> None:
             assert metrics.figure(f"Protocol `{protocol}`", "Sun [", metrics.row, column) == numbers[name]
 
 
-def test_nothing_is_stated_for_a_network_without_figures(tmp_path: Path) -> None:
-    assert _read_accuracy(TINY, packaged_model().parent) == {}
-    assert _read_accuracy(TINY, tmp_path) == {}
+def test_nothing_is_stated_for_a_network_without_figures(tmp_path: Path, network: Path) -> None:
+    assert accuracy_of(network, packaged_model().parent) == {}
+    assert accuracy_of(network, tmp_path) == {}

@@ -17,8 +17,6 @@ from lighting.fusion.single_view import (
     COMPASS_OUTLIER_RATE,
     Gravity,
     Observations,
-    _contradiction,
-    _fused_tilt,
     camera_elevation_std,
     fuse,
     fuse_gravity,
@@ -167,16 +165,28 @@ def camera_prediction(elevation: float = 4.0, roll: float = -1.0) -> Prediction:
     return replace(grid_prediction(UNIFORM), camera_elevation=elevation, camera_roll=roll)
 
 
+def warning_of(pixels: Prediction, gravity: Gravity) -> str | None:
+    """The sentence about a gravity that the pixels contradict."""
+    return next(iter(fuse_gravity(pixels, Observations(gravity=gravity)).warnings), None)
+
+
+def fused_tilt(pixels: Prediction, gravity: Gravity) -> tuple[float, float]:
+    """Elevation and roll by pixels and gravity."""
+    fused = fuse_gravity(pixels, Observations(gravity=gravity))
+    assert not fused.warnings
+    return fused.prediction.camera_elevation, fused.prediction.camera_roll
+
+
 def apart(above: float, aside: float = 0.0) -> str | None:
-    return _contradiction(camera_prediction(), Gravity(4.0 + above, -1.0 + aside, 1.0))
+    return warning_of(camera_prediction(), Gravity(4.0 + above, -1.0 + aside, 1.0))
 
 
 def test_both_are_weighted_by_their_errors() -> None:
-    both = _fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, 0.0, 1.0))
+    both = fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, 0.0, 1.0))
     assert both == pytest.approx((10.0 * 1.0 / (1.0 + 3.5**2), 6.0 * 1.0 / (1.0 + 2.0**2)))
-    assert _fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
-    assert _fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
-    assert _fused_tilt(camera_prediction(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
+    assert fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
+    assert fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
+    assert fused_tilt(camera_prediction(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
     assert camera_elevation_std(None) == 3.5
     assert camera_elevation_std(Gravity(0.0, 0.0, 1.0)) == pytest.approx((1.0 + 3.5**-2.0) ** -0.5)
 
@@ -184,12 +194,12 @@ def test_both_are_weighted_by_their_errors() -> None:
 def test_a_steep_camera_has_no_roll_and_the_network_does_not_contradict_it() -> None:
     """It learnt elevations within 35 deg, and says as much as it can."""
     down = Gravity(-90.0, None, 1.0)
-    assert _contradiction(camera_prediction(-33.0, 8.0), down) is None
-    elevation, roll = _fused_tilt(camera_prediction(-33.0, 8.0), down)
+    assert warning_of(camera_prediction(-33.0, 8.0), down) is None
+    elevation, roll = fused_tilt(camera_prediction(-33.0, 8.0), down)
     assert elevation == pytest.approx(-90.0, abs=0.5)
     assert roll == 0.0
-    assert _contradiction(camera_prediction(0.0), down) is not None
-    assert _fused_tilt(camera_prediction(-30.0), Gravity(-60.0, 20.0, 1.0)) == pytest.approx((-59.6, 15.8), abs=0.1)
+    assert warning_of(camera_prediction(0.0), down) is not None
+    assert fused_tilt(camera_prediction(-30.0), Gravity(-60.0, 20.0, 1.0)) == pytest.approx((-59.6, 15.8), abs=0.1)
 
 
 @pytest.mark.parametrize(("above", "aside"), [(19.0, 0.0), (-19.0, 0.0), (0.0, 19.0), (13.0, 13.0)])
@@ -214,7 +224,7 @@ def test_what_chance_does_not_explain_is_told_and_not_used(above: float, aside: 
 def test_the_sentence_names_both() -> None:
     assert apart(-40.0, 3.0) == "The file's camera elevation, 36° down, was not used: the photo shows 4° up."
     assert apart(3.0, -40.0) == "The file's camera roll, -41°, was not used: the photo shows -1°."
-    said_alone = _contradiction(camera_prediction(), Gravity(-36.0, None, 1.0)) or ""
+    said_alone = warning_of(camera_prediction(), Gravity(-36.0, None, 1.0)) or ""
     assert "36° down, was not used: the photo shows 4° up." in said_alone
 
 

@@ -3,6 +3,7 @@
 import math
 import struct
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -16,9 +17,9 @@ from PIL.TiffImagePlugin import IFDRational
 
 from lighting.fusion.time_zones import resolve_hemisphere
 from lighting.photo.camera import vertical_fov_from_focal_length
-from lighting.photo.metadata import PhotoMetadata, _read_heading, _read_locations, read_metadata
+from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.reader import read_photo
-from lighting.photo.tags import MAX_XMP_BYTES, read_tags, read_xmp
+from lighting.photo.tags import MAX_XMP_BYTES, PhotoTags, read_tags, read_xmp
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import DJI, RDF, drone, packet
 
@@ -28,6 +29,22 @@ BASE, GPS = ExifTags.Base, ExifTags.GPS
 
 def metadata_of(block: Image.Exif, picture: Any = SCENE, file_format: str = "JPEG") -> PhotoMetadata:
     return read_photo(encode(picture, file_format, exif=block.tobytes())).metadata
+
+
+def told(gps: Mapping[int, object], xmp: Mapping[str, str]) -> PhotoMetadata:
+    """What a photo with these tags alone says."""
+    return read_metadata(PhotoTags("JPEG", None, {}, {}, dict(gps), {}, xmp, {}), 160, 120)
+
+
+def places(gps: Mapping[int, object], xmp: Mapping[str, str]) -> tuple[tuple[float, float], ...]:
+    """The places that tags tell: of several hemispheres where those are open."""
+    metadata = told(gps, xmp)
+    return metadata.locations or ((metadata.location,) if metadata.location else ())
+
+
+def heading_of(gps: Mapping[int, object], xmp: Mapping[str, str]) -> tuple[float | None, str | None]:
+    metadata = told(gps, xmp)
+    return metadata.heading, metadata.heading_reference
 
 
 @pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP", "HEIF"])
@@ -509,7 +526,7 @@ UNKNOWN = IFDRational(0, 0)
     ],
 )  # fmt: skip
 def test_a_place_in_exif(tags: dict[int, object], place: tuple[float, float]) -> None:
-    (found,) = _read_locations(tags, {})
+    (found,) = places(tags, {})
     assert found == pytest.approx(place, abs=1e-9)
 
 
@@ -530,18 +547,18 @@ def test_a_place_in_exif(tags: dict[int, object], place: tuple[float, float]) ->
     ],
 )  # fmt: skip
 def test_a_place_in_xmp_alone(properties: dict[str, str], place: tuple[float, float]) -> None:
-    (found,) = _read_locations({}, properties)
+    (found,) = places({}, properties)
     assert found == pytest.approx(place, abs=1e-9)
 
 
 def test_exif_counts_before_xmp() -> None:
     elsewhere = {f"{EXIF} GPSLatitude": "39,44.4N", f"{EXIF} GPSLongitude": "104,59.4W"}
-    assert _read_locations(gps((48, 8, 24), "N", (11, 34, 48), "E"), elsewhere)[0] == pytest.approx(MUNICH)
+    assert places(gps((48, 8, 24), "N", (11, 34, 48), "E"), elsewhere)[0] == pytest.approx(MUNICH)
 
 
 def test_a_hemisphere_that_nothing_states_is_open() -> None:
-    assert len(_read_locations(gps((48, 8, 24), "", (11, 34, 48), ""), {})) == 4
-    assert set(_read_locations(gps(48.0, "N", 11.0, None), {})) == {(48.0, 11.0), (48.0, -11.0)}
+    assert len(places(gps((48, 8, 24), "", (11, 34, 48), ""), {})) == 4
+    assert set(places(gps(48.0, "N", 11.0, None), {})) == {(48.0, 11.0), (48.0, -11.0)}
 
 
 @pytest.mark.parametrize(
@@ -550,7 +567,7 @@ def test_a_hemisphere_that_nothing_states_is_open() -> None:
 def test_a_hemisphere_in_other_languages(word: str, signs: set[int]) -> None:
     """O is east in German and west in French."""
     for tags in (gps(48.0, "N", 11.0, word), gps(48.0, "N", f"11.0 {word}", None)):
-        assert set(_read_locations(tags, {})) == {(48.0, sign * 11.0) for sign in signs}
+        assert set(places(tags, {})) == {(48.0, sign * 11.0) for sign in signs}
     if word == "O":
         clock = replace(metadata_of(munich()), local_time=datetime(2024, 6, 1, 12), utc_offset=-6.0)
         denver = replace(clock, latitude=None, longitude=None, locations=((39.74, 104.99), (39.74, -104.99)))
@@ -573,32 +590,32 @@ def test_a_hemisphere_in_other_languages(word: str, signs: set[int]) -> None:
     ],
 )
 def test_what_can_be_no_place_is_none(tags: dict[int, object]) -> None:
-    assert _read_locations(tags, {}) == ()
+    assert places(tags, {}) == ()
 
 
 @given(st.text(max_size=80), st.one_of(st.none(), st.text(max_size=5), st.binary(max_size=5), st.floats()))
 def test_no_text_raises(text: str, reference: object) -> None:
-    for latitude, longitude in _read_locations(gps(text, reference, text, reference), {f"{EXIF} GPSLatitude": text}):
+    for latitude, longitude in places(gps(text, reference, text, reference), {f"{EXIF} GPSLatitude": text}):
         assert abs(latitude) <= 90.0
         assert math.isfinite(longitude)
 
 
 def test_a_heading_in_exif_or_else_in_xmp() -> None:
     properties = {f"{EXIF} GPSImgDirection": "22329/100", f"{EXIF} GPSImgDirectionRef": "T"}
-    heading, reference = _read_heading({}, properties)
+    heading, reference = heading_of({}, properties)
     assert heading == pytest.approx(223.29)
     assert str(reference) == "true"
-    assert _read_heading({GPS_TAGS.GPSImgDirection: 60.0, GPS_TAGS.GPSImgDirectionRef: "M"}, properties) == (
+    assert heading_of({GPS_TAGS.GPSImgDirection: 60.0, GPS_TAGS.GPSImgDirectionRef: "M"}, properties) == (
         60.0,
         "magnetic",
     )
-    assert _read_heading({}, {f"{EXIF} GPSImgDirection": "5/0"}) == (None, None)
-    assert _read_heading({GPS_TAGS.GPSImgDirection: 361.0}, {}) == (None, None)
+    assert heading_of({}, {f"{EXIF} GPSImgDirection": "5/0"}) == (None, None)
+    assert heading_of({GPS_TAGS.GPSImgDirection: 361.0}, {}) == (None, None)
 
 
 @pytest.mark.parametrize("value", ["224", "224/1", "224,0", b"22400/100\0", (224.0,), -136.0])
 def test_a_heading_however_it_is_written(value: object) -> None:
-    assert _read_heading({GPS_TAGS.GPSImgDirection: value}, {})[0] == pytest.approx(224.0)
+    assert heading_of({GPS_TAGS.GPSImgDirection: value}, {})[0] == pytest.approx(224.0)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,13 +33,8 @@ from lighting.preview.compass import (
 from lighting.preview.drawing import BACKGROUND, MUTED, TEXT, TextStyle, text_width
 from lighting.preview.picture import (
     PREVIEW_WIDTH,
-    _draw_headline,
-    _draw_map_panel,
-    _draw_photo_panel,
-    _format_numbers,
     _format_photo_caption,
     _lay_out,
-    _note_lines,
     draw_preview_pixels,
 )
 from lighting.records import EvidenceKind, Lighting
@@ -55,6 +51,28 @@ WARNING_LINE = 26
 
 def draw(lighting: Lighting, width: int = 320, height: int = 240, probability: Floats | None = None) -> Bytes:
     return draw_preview_pixels(photo(width, height), estimate(lighting, probability), small_map(lighting))
+
+
+Written = list[tuple[tuple[float, float], str, TextStyle]]
+
+
+def texts_of(monkeypatch: pytest.MonkeyPatch, lighting: Lighting) -> Written:
+    """The texts beside a preview's panels: where they stand, and in which style."""
+    written: Written = []
+
+    def note(canvas: Image.Image, spot: tuple[float, float], text: str, style: TextStyle) -> None:
+        if canvas.width == PREVIEW_WIDTH:
+            written.append((spot, text, style))
+
+    monkeypatch.setattr(module, "draw_text", note)
+    draw(lighting)
+    return written
+
+
+def numbers_of(monkeypatch: pytest.MonkeyPatch, lighting: Lighting) -> dict[str, str]:
+    """The numbers below the panels by their names."""
+    texts = [text for _, text, _ in texts_of(monkeypatch, lighting)]
+    return dict(pairwise(texts))
 
 
 def part(picture: Bytes, name: str, aspect: float) -> NDArray[np.int64]:
@@ -108,28 +126,28 @@ def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
         assert np.array_equal(np.asarray(picture), expected)
 
 
-def test_numbers_say_which_way_the_camera_looks() -> None:
-    values = dict(_format_numbers(outdoors(camera_elevation=-3.14, camera_roll=-0.04, radius_50=9.5, radius_90=131.0)))
+def test_numbers_say_which_way_the_camera_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    light = outdoors(camera_elevation=-3.14, camera_roll=-0.04, radius_50=9.5, radius_90=131.0)
+    values = numbers_of(monkeypatch, light)
     assert values["Camera elevation"] == "3.1° down"
     assert values["Camera roll"] == "0.0°"
     assert values["50 % / 90 % within"] == "9.5° / 131°"
 
 
 @pytest.mark.parametrize(("azimuth", "words"), [(-0.2, "ahead"), (179.9, "behind"), (-120.0, "120° left")])
-def test_numbers_fit_their_column(azimuth: float, words: str) -> None:
-    assert dict(_format_numbers(outdoors(azimuth)))["Sun azimuth"] == words
+def test_numbers_fit_their_column(monkeypatch: pytest.MonkeyPatch, azimuth: float, words: str) -> None:
+    assert numbers_of(monkeypatch, outdoors(azimuth))["Sun azimuth"] == words
 
 
-def test_a_level_camera_looks_neither_down_nor_turned() -> None:
-    values = dict(_format_numbers(outdoors(camera_elevation=-0.04, camera_roll=-0.04)))
+def test_a_level_camera_looks_neither_down_nor_turned(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = numbers_of(monkeypatch, outdoors(camera_elevation=-0.04, camera_roll=-0.04))
     assert (values["Camera elevation"], values["Camera roll"]) == ("0.0° up", "0.0°")
 
 
 @pytest.mark.parametrize(("visibility", "gold"), [(0.9, True), (0.1, False)])
 def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, gold: bool) -> None:
-    canvas = Image.new("RGB", (PREVIEW_WIDTH, 140))
-    _draw_headline(canvas, outdoors(sun_visibility=visibility))
-    assert (len(amber(np.asarray(canvas).astype(np.int64))) > 100) == gold
+    headline = draw(outdoors(sun_visibility=visibility))[: _lay_out(4 / 3, 9).photo.y - CAPTION]
+    assert (len(amber(headline.astype(np.int64))) > 100) == gold
 
 
 @pytest.mark.parametrize(
@@ -150,24 +168,21 @@ def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, 
 def test_what_is_not_certain_is_not_stated_plainly(
     monkeypatch: pytest.MonkeyPatch, radius: float, visibility: float, words: str
 ) -> None:
-    written: list[str] = []
-
-    def note(_canvas: Image.Image, _spot: object, text: str, _style: TextStyle) -> None:
-        written.append(text)
-
-    monkeypatch.setattr(module, "draw_text", note)
-    _draw_headline(Image.new("RGB", (PREVIEW_WIDTH, 140)), outdoors(radius_90=radius, sun_visibility=visibility))
-    assert any(text.startswith(words) for text in written)
+    written = texts_of(monkeypatch, outdoors(radius_90=radius, sun_visibility=visibility))
+    assert any(text.startswith(words) for _, text, _ in written)
 
 
-def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
+def test_warnings_stand_in_lines_that_fit_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    def notes(light: Lighting) -> list[str]:
+        return [text for _, text, style in texts_of(monkeypatch, light) if style == TextStyle(18, TEXT)]
+
     short, long = "The photo may be cropped.", "Twilight mowed the whole wide world. " * 9
-    lines = _note_lines(outdoors(warnings=(short, long)))
+    lines = notes(outdoors(warnings=(short, long)))
     assert lines[0] == f"Warning: {short}"
     assert " ".join(lines[1:]) == f"Warning: {long.strip()}"
     assert len(lines) > 3
     assert max(text_width(line, 18) for line in lines) <= PREVIEW_WIDTH - 2 * MARGIN
-    assert _note_lines(outdoors()) == []
+    assert notes(outdoors()) == []
 
 
 @pytest.mark.parametrize("suitable", [0.1, 0.9])
@@ -175,17 +190,11 @@ def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
 def test_the_title_leaves_room_for_what_is_beside_it(
     monkeypatch: pytest.MonkeyPatch, suitable: float, radius: float
 ) -> None:
-    written: dict[float, float] = {}  # width of the first line's text by its x
-
-    def write(_canvas: Image.Image, spot: tuple[float, float], text: str, style: TextStyle) -> None:
-        if spot[1] < MARGIN + 20:
-            written[spot[0]] = text_width(text, style.size)
-
-    monkeypatch.setattr(module, "draw_text", write)
     drawn = (EvidenceKind.SHADOW, EvidenceKind.DRAWN_CAMERA)  # in one photo alone
     of_several = tuple(kind for kind in EvidenceKind if kind not in drawn)
     sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=of_several, camera_heading=115.0)
-    _draw_headline(Image.new("RGB", (PREVIEW_WIDTH, 140)), sun)
+    first = [(x, text_width(text, style.size)) for (x, y), text, style in texts_of(monkeypatch, sun) if y < MARGIN + 20]
+    written = dict(first)
     assert written[MARGIN] + GAP + written[PREVIEW_WIDTH - MARGIN] <= PREVIEW_WIDTH - 2 * MARGIN
 
 
@@ -281,15 +290,14 @@ def test_panels_do_not_overlap(aspect: float, warnings: int) -> None:
 @pytest.mark.parametrize(("azimuth", "elevation"), [(180.0, 20.0), (0.0, 90.0), (-3.0, 0.0)])
 def test_regions_of_any_size_and_place_are_drawn(radius: float, azimuth: float, elevation: float) -> None:
     lighting = outdoors(azimuth, elevation, radius_50=radius, radius_90=radius)
-    box = _lay_out(4 / 3, 9).envmap
-    panel = np.asarray(_draw_map_panel(small_map(lighting), lighting, 4 / 3, box)).astype(np.int64)
+    panel = part(draw(lighting), "envmap", 4 / 3)
     assert len(amber(panel)) > 30
 
 
 def test_region_on_the_map_has_its_radius() -> None:
     lighting = outdoors(40.0, 20.0, radius_50=20.0)
     box = _lay_out(4 / 3, 9).envmap
-    rows, columns = amber(np.asarray(_draw_map_panel(small_map(lighting), lighting, 4 / 3, box)).astype(np.int64)).T
+    rows, columns = amber(part(draw(lighting), "envmap", 4 / 3)).T
     half_width = np.degrees(np.arcsin(np.sin(np.radians(20.0)) / np.cos(np.radians(20.0))))
     assert rows.max() == pytest.approx(box.height / 2, abs=3)
     assert columns.max() == pytest.approx((0.5 + (40.0 + half_width) / 360) * box.width, abs=3)
@@ -297,7 +305,7 @@ def test_region_on_the_map_has_its_radius() -> None:
 
 
 def drawn(lighting: Lighting) -> NDArray[np.int64]:
-    return np.asarray(_draw_photo_panel(photo(320, 240), lighting, _lay_out(4 / 3, 9).photo)).astype(np.int64)
+    return part(draw(lighting), "photo", 4 / 3)
 
 
 @pytest.mark.parametrize(("elevation", "roll"), [(12.0, 0.0), (-9.0, 0.0), (6.0, 8.0), (0.0, -10.0)])

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
@@ -27,8 +28,7 @@ from lighting.stereo.light_vectors import (
     sun_directions,
 )
 from lighting.stereo.normal_search import Pose
-from lighting.stereo.output import _write_picture, _write_png16
-from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
+from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng, write_png16
 from tests.helpers.skies import JUNE, LATITUDE, ball, gray_blocks, june_suns, photos, write_photo
 
 NOON = datetime(2024, 6, 21, 10)
@@ -37,6 +37,11 @@ NOON = datetime(2024, 6, 21, 10)
 def fill(folder: Path, count: int = 4, gap: float = 60.0, **tags: Any) -> None:
     for index in range(count):
         write_photo(folder / f"{index}.jpg", gray_blocks(), NOON + timedelta(minutes=gap * index), **tags)
+
+
+def write_gray(path: Path, values: NDArray[Any]) -> None:
+    """Write numbers (H, W) up to 65535 as a PNG of 16 bits."""
+    write_png16(path, np.rint(values)[..., None].astype(np.uint16))
 
 
 def test_a_day_of_jpegs(tmp_path: Path) -> None:
@@ -58,7 +63,7 @@ def test_cropped_photos_tell_the_lens_of_what_is_left(tmp_path: Path) -> None:
 
 def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
     for index in range(3):
-        _write_png16(tmp_path / f"{index}.png", 60000 * gray_blocks()[..., None])
+        write_gray(tmp_path / f"{index}.png", 60000 * gray_blocks())
     (tmp_path / "times.csv").write_text(
         "file,time\n" + "".join(f"{i}.png,2024-06-21T1{3 - i}:00+00:00\n" for i in range(3))
     )
@@ -81,7 +86,7 @@ def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
 )
 def test_a_mask_that_marks_nothing_is_refused(content: NDArray[np.uint8] | None, sentence: str, tmp_path: Path) -> None:
     for index in range(3):
-        _write_png16(tmp_path / f"{index}.png", 60000 * gray_blocks()[..., None])
+        write_gray(tmp_path / f"{index}.png", 60000 * gray_blocks())
     (tmp_path / "times.csv").write_text(
         "file,time\n" + "".join(f"{i}.png,2024-06-21T1{3 - i}:00+00:00\n" for i in range(3))
     )
@@ -95,13 +100,13 @@ def test_a_mask_that_marks_nothing_is_refused(content: NDArray[np.uint8] | None,
 
 def test_a_day_of_one_light_and_photos_that_are_only_listed_are_told(tmp_path: Path) -> None:
     for index, strength in enumerate((0.5, 1.0, 0.7)):
-        _write_png16(tmp_path / f"{index}.png", strength * 60000 * gray_blocks()[..., None])
+        write_gray(tmp_path / f"{index}.png", strength * 60000 * gray_blocks())
     rows = "".join(f"{i}.png,2024-06-21T1{i}:00+00:00\n" for i in range(4))
     (tmp_path / "times.csv").write_text("file,time\n" + rows)
     warnings = read_day_photos(tmp_path).warnings
     assert "times.csv lists 3.png, which is not there." in warnings
     assert any("brightens and darkens alike" in warning for warning in warnings)
-    _write_png16(tmp_path / "3.png", 60000 * gray_blocks(1)[..., None])
+    write_gray(tmp_path / "3.png", 60000 * gray_blocks(1))
     assert len(read_day_photos(tmp_path).warnings) == 1
 
 
@@ -215,9 +220,9 @@ def test_a_photo_that_nothing_is_left_of_is_refused(tmp_path: Path) -> None:
 
 
 def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:
-    values = np.random.default_rng(0).integers(0, 60000, (20, 30, 3)).astype(np.float64)
-    _write_png16(tmp_path / "a.png", values)
-    _write_picture(tmp_path / "a.exr", (values / 65535).astype(np.float32))
+    values = np.random.default_rng(0).integers(0, 60000, (20, 40, 3)).astype(np.uint16)
+    write_png16(tmp_path / "a.png", values)
+    write_exr(tmp_path / "a.exr", (values / 65535).astype(np.float32), compression="none")
     for name in ("a.png", "a.exr"):
         shot = _read_day_photo(tmp_path / name)
         np.testing.assert_allclose(shot.pixels, values / 65535, rtol=1e-6)
@@ -246,7 +251,7 @@ def test_a_jpeg_is_decoded_from_srgb_turned_upright_and_its_white_is_clipped(tmp
 
 
 def test_16_bits_that_say_they_are_coded_are_refused_unless_told(tmp_path: Path) -> None:
-    _write_png16(tmp_path / "a.png", np.full((8, 8, 3), 30000.0))
+    write_png16(tmp_path / "a.png", np.full((8, 8, 3), 30000, np.uint16))
     data = (tmp_path / "a.png").read_bytes()
     (tmp_path / "a.png").write_bytes(data[:33] + chunk(b"sRGB", b"\0") + data[33:])
     with pytest.raises(PhotoError, match="gamma-coded"):
@@ -290,7 +295,7 @@ def test_what_is_no_photo_ends_in_a_sentence(tmp_path: Path, name: str) -> None:
 
 
 def test_a_bad_exr_is_named(tmp_path: Path) -> None:
-    _write_picture(tmp_path / "depth.exr", np.ones((8, 8, 1), np.float32))
+    OpenEXR.File({}, {"Y": np.ones((8, 8), np.float32)}).write(str(tmp_path / "depth.exr"))
     with pytest.raises(PhotoError, match=r"^depth\.exr: The EXR file has no channel R, G, B"):
         _read_day_photo(tmp_path / "depth.exr")
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from lighting.stereo.light_vectors import Skies, clear_skies, gray_skies
 from lighting.stereo.normal_search import (
     Pose,
-    _axes,
     _multiply_in_rows,
     _shadow_patterns,
     camera_to_world,
@@ -103,7 +102,7 @@ def test_patterns_leave_three_photos_in_the_sun() -> None:
 
 
 def test_a_camera_that_looks_north_has_south_towards_it() -> None:
-    np.testing.assert_allclose(_axes(Pose()), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(camera_to_world(np.eye(3), Pose()), np.eye(3), atol=1e-12)
     np.testing.assert_allclose(camera_to_world([0, 0, 1], Pose(heading=90)), [-1, 0, 0], atol=1e-12)
     vectors = sample_visible_normals(50)
     np.testing.assert_allclose(

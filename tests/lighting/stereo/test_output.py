@@ -4,27 +4,29 @@ import json
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 from click.testing import CliRunner, Result
+from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.cli import cli
 from lighting.errors import PhotoError
 from lighting.files.exr import read_exr, write_exr
 from lighting.geometry import latlong_directions, latlong_solid_angle
-from lighting.stereo.capture import _read_day_photo
+from lighting.photo.linear import read_linear
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.normal_search import Pose, camera_to_world
 from lighting.stereo.output import (
     NormalsOptions,
-    _write_mesh,
-    _write_picture,
-    _write_png16,
+    NormalsResult,
     depth_error,
     estimate_normals,
     integrate_normals,
+    write_normals,
 )
 from lighting.stereo.solver import NormalMap
+from tests.helpers.photos import write_png16
 from tests.helpers.skies import JUNE, angles, ball, june_suns, photos
 
 
@@ -56,37 +58,33 @@ def test_a_slanted_plane_seen_in_perspective() -> None:
     np.testing.assert_allclose(found / found.mean(), distance / distance.mean(), rtol=2e-3)
 
 
-def test_a_png_of_16_bits_holds_what_was_written(tmp_path: Path) -> None:
-    values = np.random.default_rng(0).integers(0, 65536, (5, 7, 3)).astype(float)
-    _write_png16(tmp_path / "a.png", values)
-    found = _read_day_photo(tmp_path / "a.png", "linear").pixels
-    np.testing.assert_allclose(65535 * found, values, atol=0.01)
-    with Image.open(tmp_path / "a.png") as picture:
+def result_of(mask: NDArray[np.bool_], albedo: NDArray[np.float32]) -> NormalsResult:
+    """A flat thing that faces the camera."""
+    up = np.zeros((*mask.shape, 3), np.float32)
+    up[mask, 2] = 1
+    zero = np.zeros(mask.shape, np.float32)
+    return NormalsResult(NormalMap(mask, up, albedo, zero, zero, zero, np.zeros_like(mask), 0.01), Pose(), None, {})
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_pictures_hold_every_digit_or_16_bits(channels: int, tmp_path: Path) -> None:
+    albedo = np.random.default_rng(0).uniform(0.1, 0.9, (5, 7, channels)).astype(np.float32)
+    albedo[0, 0], albedo[0, 1] = 1.3, -0.2  # what is beyond the bits is cut
+    write_normals(tmp_path, result_of(np.ones((5, 7), bool), albedo))
+    file = OpenEXR.File(str(tmp_path / "albedo.exr"))
+    pixels = file.channels()["RGB" if channels == 3 else "Y"].pixels
+    np.testing.assert_array_equal(pixels.reshape(albedo.shape), albedo)
+    coded = read_linear(tmp_path / "albedo.png", "linear").pixels[..., :channels]
+    np.testing.assert_allclose(coded, np.clip(albedo, 0, 1), atol=0.51 / 65535)
+    with Image.open(tmp_path / "albedo.png") as picture:
         picture.verify()
-
-
-def test_numbers_beyond_16_bits_are_cut(tmp_path: Path) -> None:
-    _write_png16(tmp_path / "a.png", np.array([[[-5.0], [70000.0], [12.4]]]))
-    np.testing.assert_allclose(
-        65535 * _read_day_photo(tmp_path / "a.png", "linear").pixels[0, :, 0], [0, 65535, 12], atol=0.1
-    )
-
-
-def test_an_exr_holds_every_digit(tmp_path: Path) -> None:
-    values = np.random.default_rng(0).normal(size=(4, 6, 3)).astype(np.float32)
-    _write_picture(tmp_path / "a.exr", values)
-    np.testing.assert_array_equal(read_exr(tmp_path / "a.exr")[0], values)
 
 
 def test_a_mesh_has_two_triangles_for_each_four_neighbours(tmp_path: Path) -> None:
     mask = np.ones((3, 4), dtype=bool)
     mask[0, 0] = False
-    up = np.zeros((3, 4, 3), np.float32)
-    up[..., 2] = 1
-    flat = np.zeros((3, 4), np.float32)
-    found = NormalMap(mask, up, np.ones((3, 4, 3), np.float32), flat, flat, flat, np.zeros_like(mask), 0.01)
-    _write_mesh(tmp_path / "a.ply", np.zeros((3, 4, 3)), found)
-    header = (tmp_path / "a.ply").read_bytes().split(b"end_header")[0]
+    write_normals(tmp_path, result_of(mask, np.ones((3, 4, 3), np.float32)))
+    header = (tmp_path / "mesh.ply").read_bytes().split(b"end_header")[0]
     assert b"element vertex 11\n" in header
     assert b"element face 10\n" in header  # of six squares one touches the missing corner
 
@@ -101,7 +99,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
     normals, mask, _ = ball()
     images = photos(normals, mask, clear_skies(june_suns()), Pose(heading=20.0))
     for index, image in enumerate(images):
-        _write_png16(folder / f"{index}.png", 65535 * image)
+        write_png16(folder / f"{index}.png", np.rint(65535 * np.clip(image, 0, 1)).astype(np.uint16))
     rows = "".join(f"{index}.png,{time}+00:00\n" for index, time in enumerate(JUNE))
     (folder / "times.csv").write_text("file,time\n" + rows)
     Image.fromarray((255 * mask).astype(np.uint8)).save(folder / "mask.png")
@@ -125,12 +123,12 @@ def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path
     record = json.loads((tmp_path / "out" / "normals.json").read_text())
     assert abs(record["turbidity"] - 3) < 0.5  # nobody said it; the photos are of 3
     truth, mask, _ = ball()
-    found = _read_day_photo(tmp_path / "out" / "normals_camera.exr").pixels
+    found = read_exr(tmp_path / "out" / "normals_camera.exr")[0]
     error = angles(found[mask], truth[mask])
     assert np.median(error) < 4  # of three channels in June; the pilot's one channel had 3.5
-    coded = _read_day_photo(tmp_path / "out" / "normals_camera.png", "linear").pixels
+    coded = read_linear(tmp_path / "out" / "normals_camera.png", "linear").pixels
     np.testing.assert_allclose(coded[mask] * 2 - 1, found[mask], atol=1e-4)
-    world = _read_day_photo(tmp_path / "out" / "normals_world.exr").pixels
+    world = read_exr(tmp_path / "out" / "normals_world.exr")[0]
     np.testing.assert_allclose(world[mask], camera_to_world(found[mask], Pose(20.0)), atol=1e-5)
     assert not found[~mask].any()
 
@@ -191,7 +189,7 @@ def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Pat
     result = run(day, "--probes", tmp_path / "probes", "--heading", "20", "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output
     truth, mask, _ = ball()
-    error = angles(_read_day_photo(tmp_path / "out" / "normals_camera.exr").pixels[mask], truth[mask])
+    error = angles(read_exr(tmp_path / "out" / "normals_camera.exr")[0][mask], truth[mask])
     assert np.median(error) < 4
 
 

@@ -17,7 +17,6 @@ from lighting.stereo.planner import (
     MIN_GAIN,
     MeasuredSkies,
     ModelledSkies,
-    _brightest_direction,
     _gain_colors,
     _read_day,
     day_maps,
@@ -43,8 +42,10 @@ def fill(folder: Path, *names: str, height: int = 16) -> None:
         write_exr(folder / "20260621" / name / "envmap.exr", sky(height))
 
 
-def test_the_brightest_spot_is_the_sun() -> None:
-    assert angle_between(_brightest_direction(sky()), latlong_directions(16)[4, 16]) < 0.1
+def test_the_brightest_spot_is_the_sun(tmp_path: Path) -> None:
+    fill(tmp_path, "100000")
+    (sun,) = read_skies(list(day_maps(tmp_path, JUNE).values())).sun_direction
+    assert angle_between(sun, latlong_directions(16)[4, 16]) < 0.1
 
 
 def test_folders_are_days_by_a_clock(tmp_path: Path) -> None:
