@@ -49,6 +49,7 @@ THINGS = (  # that stand on the ground, in front of what is behind them
     SurfaceClass.OBJECT,
     SurfaceClass.SKY,
 )
+PASSING_THINGS = (SurfaceClass.VEHICLE, SurfaceClass.PERSON, SurfaceClass.OBJECT)  # that tell nothing of a place
 
 
 def photo_segments(canvas: NDArray[np.float32] | None, width: int, height: int) -> Segments | None:

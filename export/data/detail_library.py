@@ -56,6 +56,7 @@ _LEFT_OUT = (
     "limpopo_golf_course",  # taken above a pit, whose rim lies all around
     "mfecane_1229",  # a burning sky, which other colors make green
     *("mfecane_1186", "mfecane_1200", "mfecane_1210", "modern_buildings_2"),  # a roof, a pool, a pavilion
+    "syferfontein_6d_clear",  # gold stones before a low sun, which in other colors are of no place
 )
 _KIND_OF = {  # the others are cities
     "waterfront": (
@@ -70,7 +71,7 @@ _KIND_OF = {  # the others are cities
     ),
     "forest": ("mfecane_1167", "mfecane_1185", "mfecane_1209", "mfecane_1216", "mfecane_1224", "mossy_forest"),
     "shore": ("mfecane_1180", "small_harbor_01", "sundowner_overlook"),
-    "desert": ("drakensberg_solitary_mountain", "kloofendal_overcast", "syferfontein_6d_clear"),
+    "desert": ("drakensberg_solitary_mountain", "kloofendal_overcast"),
     "mountain": ("mfecane_1228",),
     "snow": ("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01"),
 }
@@ -80,7 +81,7 @@ _ROW = np.dtype(
         *(("name", "U40"), ("size", "i8")),  # bytes of the picture
         ("features", "u1", (len(FEATURES), FEATURE_ROWS, 2 * FEATURE_ROWS)),  # FEATURE_RANGE in 255 steps
         *(("sun_azimuth", "f8"), ("sunlit", "?"), ("kind", "U10"), ("cost", "f4")),
-        ("kinds", "f4", (len(PLACE_KINDS),)),  # how much likelier each is here than elsewhere
+        ("kinds", "f4", (len(PLACE_KINDS),)),  # probability of each
     ]
 )
 
@@ -94,7 +95,7 @@ _GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, a
 _SKY_LUMINANCE = 0.3
 _VIEW_STEP, _VIEW_FOV = 30, 60.0  # deg between the views in which classes are looked for; deg, vertical
 _VIEW_SIZE = 384, 288  # of them, pixels
-_MOST_USED = 0.06  # share of photos for which a panorama is chosen
+_MOST_USED = 0.12  # share of photos for which a panorama is chosen
 _COST_STEP, _BALANCE_STEPS = 0.01, 5000
 _MAX_COST = 3.0  # less than that of a town in the country: kinds count more than that places differ
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
@@ -223,8 +224,8 @@ def _features(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     rows = np.arange(0, len(linear), 2)
     columns = np.arange(0, 2 * len(linear), 2)
     cell = (rows // step).astype(np.intp)[:, None] * 2 * FEATURE_ROWS + (columns // step).astype(np.intp)
-    four, _ = cell_features(linear[::2, ::2].reshape(-1, 3), cell.reshape(-1))
-    return np.concatenate([four, _smooth(four[0])[None], _classes(linear)])
+    shown, _ = cell_features(linear[::2, ::2].reshape(-1, 3), cell.reshape(-1))
+    return np.concatenate([shown, _smooth(shown[0])[None], _classes(linear)])
 
 
 def level_views(linear: NDArray[np.float32]) -> Iterator[tuple[Floats, Photo]]:

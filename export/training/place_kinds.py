@@ -75,7 +75,6 @@ def fit_place_kinds(data: Path, model: Model) -> str:
     )
     weights = _fit(features, kinds, places)
     table, _, pictures = read_detail_library(LIBRARY_PATH)
-    mean = kind_probability(features, weights).mean(axis=0)
     seen = np.stack(
         [
             _describe_views((photo for _, photo in level_views(linear)), model)
@@ -85,7 +84,7 @@ def fit_place_kinds(data: Path, model: Model) -> str:
     filed = np.array(
         [[_SHARES.get(k, {k: 1.0}).get(name, 0.0) for name in PLACE_KINDS] for k in table["kind"].tolist()]
     )
-    table["kinds"] = (_FILED * filed + (1 - _FILED) * kind_probability(seen, weights).mean(axis=1)) / mean
+    table["kinds"] = _FILED * filed + (1 - _FILED) * kind_probability(seen, weights).mean(axis=1)
     write_detail_library(LIBRARY_PATH, table, weights.astype(np.float32), pictures)
     said = kind_probability(others, weights)
     right, cost = (said.argmax(axis=1) == truth).mean(), -np.log(said[np.arange(len(truth)), truth]).mean()

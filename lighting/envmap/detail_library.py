@@ -10,6 +10,7 @@ shores for photos of water.
 """
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -26,15 +27,20 @@ from lighting.envmap.latlong import Image, blur_cells, column_blocks, shrink_env
 from lighting.envmap.place_kinds import PLACE_KINDS, kind_features, kind_probability
 from lighting.envmap.projection import sample_cells
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
-from lighting.prediction import Segments, SurfaceClass
+from lighting.prediction import PASSING_THINGS, Segments, SurfaceClass
 from lighting.records import Lighting
 
 LIBRARY_PATH = DATA_FOLDER / "detail.npy"
 PICTURE_ROWS = 512  # of the library's panoramas
 FEATURE_ROWS = 24  # rows of cells by which they are chosen
 FEATURE_CLASSES = (SurfaceClass.PLANTS, SurfaceClass.BUILDING, SurfaceClass.WATER)
-# Four logarithms of what a cell shows, brightness smoothed over its neighbors, and probabilities of FEATURE_CLASSES.
-FEATURES = ("brightness", "contrast", "red", "blue", "broad brightness", "plants", "building", "water")
+# Of what a cell shows: logarithms of brightness, of how much it varies, of red and blue over green, and of how much red
+# over green varies; the share that is orange less that which is green. Brightness smoothed over neighbors;
+# probabilities of FEATURE_CLASSES.
+FEATURES = (
+    *("brightness", "contrast", "red", "blue", "tints", "autumn"),
+    *("broad brightness", "plants", "building", "water"),
+)
 FEATURE_RANGE = (-6.0, 2.0)  # that 8 bits hold
 
 LOG_OFFSET = np.float32(0.006)  # linear value added before a logarithm
@@ -42,10 +48,13 @@ DETAIL_ROWS = 48  # of the cells in which what is coarse is told from detail
 
 _DARKEST = 1e-3  # linear value that counts in a logarithm
 _LEAST_CONTRAST = 0.02
-_SEEN_WEIGHTS = (1.0, 2.0, 1.0, 1.0)  # of the first four features, where the photo shows them
-_BROAD_WEIGHT = 1.0  # of the fifth, everywhere
+_ORANGE = (0.22, -0.4)  # logarithms of red and blue over green, above the first and under the second
+_GREEN = (-0.05, -0.18)  # under both
+_SEEN_WEIGHTS = (1.0, 2.0, 1.0, 1.0, 0.0, 1.0)  # of the first six features, where the photo shows them
+_BROAD_WEIGHT = 1.0  # of the seventh, everywhere
 _CLASS_WEIGHT = 3.0  # of each of the last, where the photo shows them
 _BAND = slice(9, 13)  # rows of cells 22 deg above the horizon to 7 below
+_SKYLINE = slice(8, 14)  # rows 30 deg above the horizon to 15 below
 _CANOPY = slice(4, 9)  # rows above these
 _WATER = slice(11, 16)  # rows around the horizon and below it
 # What places have all around: buildings and plants in the band, water, plants and buildings above the band. A constant,
@@ -60,27 +69,31 @@ _EXPECTED = (
 _AROUND_WEIGHTS = (12.0, 6.0, 6.0, 12.0, 6.0)  # cost of squared differences from each
 _WIDE_CELLS = 36, 45, 36  # cells of the band, of water's rows and of those above that a photo shows to count in full
 _GROUND = slice(13, 20)  # rows of cells 7 to 60 deg below the horizon
-_GROUND_WEIGHTS = (8.0, 0.7)  # of its squared logarithms: green over red and blue, red over blue
-_LEAVES_WEIGHT = 1.5  # of squared logarithms of red over green, where there are plants
+# Of squares of what differs: its logarithms of green over red and blue, and of red over blue; its autumn.
+_GROUND_WEIGHTS = (8.0, 0.7, 4.0)
+_TINTS_WEIGHT = 5.0  # of tints that the place has and the photo has not
+_LEAVES_WEIGHT = 8.0  # of squares of autumn, where there are plants
 _CLOUDS = slice(3, 10)  # rows of cells 15 to 67 deg above the horizon
 _CLOUDS_WEIGHT = 0.35  # of squared logarithms of the contrast in cells of open sky
 _FEW_CELLS = 3.0  # of ground or leaves, by which their colors count half
 _WATER_COST = 4.0  # of a shore without water in the photo, and of none with it
 _WATER_SHARES = (0.05, 0.12)  # of water's rows up to which a photo is none of a shore, and from which it is one
 _TOWN_COST = 4.0  # of a town without buildings in the photo, and of none with them
-_TOWN_SHARES = (0.06, 0.3)  # the same of buildings in the band
+_TOWN_SHARES = (0.1, 0.3)  # the same of `_skyline`
 _BARE_COST = 3.0  # of a bare place with plants or buildings in the photo
 _BARE_SHARES = (0.03, 0.15)  # the same of plants and buildings in the band
 _GARDEN_COST = 1.5  # of a garden without buildings in the photo
 _GARDEN_SHARES = (0.01, 0.06)  # the same of buildings in the band
 _TOWNS = ("city", "waterfront")
+_HALF_TOWNS = ("parking",)  # which photos of towns and of none suit alike
 _BARE = ("desert", "mountain")
 _SHORES = ("shore", "waterfront")
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
+_LEAST_FREE = 0.1  # share of a cell without PASSING_THINGS, from which it counts
 _SNOW = PLACE_KINDS.index("snow")
-_KIND_WEIGHT = 2.0  # of the logarithm of how likely a photo's kind of place is in a panorama
-_LEAST_LIKELY = 0.05  # times as in places at large, that counts in it
+_KIND_WEIGHT = 3.0  # of the logarithm of how probably photo and panorama are of one kind of place
+_LEAST_LIKELY = 0.05  # probability that counts in it
 _MIN_SAMPLES = 8  # sampled pixels of the photo by which a cell counts as visible
 _COLORFUL = 0.12  # spread of a photo's colors, in logarithms, from which the library's are shown in full
 _COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
@@ -109,7 +122,7 @@ class _DetailLibrary:
     cost: Floats
     """(N,) in squared logarithms, of what would be chosen too often."""
     kinds: Floats
-    """(N, K) how much likelier each of PLACE_KINDS is in a panorama than in places at large."""
+    """(N, K) probabilities that a panorama is of each of PLACE_KINDS."""
     kind_weights: Floats
     """(F + 1, K) of `kind_probability`."""
 
@@ -120,7 +133,7 @@ class _DetailLibrary:
         return np.stack(_class_shares(self.features, everywhere)[0], axis=-1)
 
     @cached_property
-    def colors(self) -> tuple[Floats, Floats, Floats, Floats]:
+    def colors(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """Of `_mean_colors`, each (N, ...)."""
         return _mean_colors(self.features, np.ones(self.features.shape[2:], np.float32))
 
@@ -205,7 +218,7 @@ def load_detail_library() -> _DetailLibrary:
 
 
 def cell_features(colors: Image, cell: NDArray[np.intp]) -> tuple[Image, NDArray[np.intp]]:
-    """The first four FEATURES (4, FEATURE_ROWS, 2 FEATURE_ROWS) of samples, and how many lie in each cell.
+    """The first six FEATURES (6, FEATURE_ROWS, 2 FEATURE_ROWS) of samples, and how many lie in each cell.
 
     Args:
         colors: (P, 3) linear, 0 to 1.
@@ -215,12 +228,20 @@ def cell_features(colors: Image, cell: NDArray[np.intp]) -> tuple[Image, NDArray
     count = np.bincount(cell, minlength=cells)
     share = 1 / np.maximum(count, 1)
     log = np.log(np.maximum(colors, np.float32(_DARKEST)))
-    brightness, squares = (np.bincount(cell, value, cells) * share for value in (log[:, 1], log[:, 1] ** 2))
-    mean = [np.log(np.maximum(np.bincount(cell, channel, cells) * share, _DARKEST)) for channel in colors.T]
-    contrast = 0.5 * np.log(np.maximum(squares - brightness**2, _LEAST_CONTRAST**2))
-    values = np.stack([brightness, contrast, mean[0] - mean[1], mean[2] - mean[1]])
+    soft = np.log(colors + LOG_OFFSET)
+    red, blue = soft[:, 0] - soft[:, 1], soft[:, 2] - soft[:, 1]
+    varying = []
+    for values in (log[:, 1], red):
+        mean, squares = (np.bincount(cell, value, cells) * share for value in (values, values**2))
+        varying += [mean, 0.5 * np.log(np.maximum(squares - mean**2, _LEAST_CONTRAST**2))]
+    brightness, contrast, _, tints = varying
+    color = [np.log(np.maximum(np.bincount(cell, channel, cells) * share, _DARKEST)) for channel in colors.T]
+    orange = (red > _ORANGE[0]) & (blue < _ORANGE[1])
+    green = (red < _GREEN[0]) & (blue < _GREEN[1])
+    autumn = np.bincount(cell, orange.astype(np.float32) - green, cells) * share
+    shown = np.stack([brightness, contrast, color[0] - color[1], color[2] - color[1], tints, autumn])
     shape = FEATURE_ROWS, 2 * FEATURE_ROWS
-    return np.asarray(values.reshape(4, *shape), dtype=np.float32), count.reshape(shape)
+    return np.asarray(shown.reshape(-1, *shape), dtype=np.float32), count.reshape(shape)
 
 
 def describe_photo(
@@ -242,14 +263,15 @@ def describe_photo(
     samples = PhotoSamples.of_photo(photo, lighting, segments)
     colors, cell = sample_cells(photo, lighting, FEATURE_ROWS)
     flat = colors.reshape(-1, 3)
-    four, count = cell_features(flat, cell.reshape(-1))
-    kinds = np.zeros((len(FEATURE_CLASSES), *count.shape), np.float32)
+    shown, count = cell_features(flat, cell.reshape(-1))
+    kinds, free = np.zeros((len(FEATURE_CLASSES), *count.shape), np.float32), np.float32(1)
     if segments is not None:
         kinds = class_features(segments, cell)
+        free = 1 - class_features(segments, cell, PASSING_THINGS).sum(axis=0)
     level = np.cos(np.radians(latlong_angles(FEATURE_ROWS)[1]))[:, None].repeat(2 * FEATURE_ROWS, axis=1)
-    seen = np.where(count >= _MIN_SAMPLES, level, 0.0)
+    seen = np.where((count >= _MIN_SAMPLES) & (free > _LEAST_FREE), level * free, 0.0)
     broad = np.log(np.maximum(around @ LUMINANCE_WEIGHTS, 1e-3))
-    target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
+    target = np.concatenate([shown, broad[None], kinds]).astype(np.float32)
     weight = _feature_weights(seen, level, segments is not None)
     saturation, azimuth = _saturation(flat), lighting.sun_azimuth if lighting.sun_shines else None
     likely = None
@@ -287,12 +309,15 @@ def _feature_weights(seen: Floats, level: Floats, classes: bool = True) -> Image
     return np.stack(weights).astype(np.float32)
 
 
-def class_features(segments: Segments, cell: NDArray[np.intp]) -> Image:
-    """Probabilities of FEATURE_CLASSES (C, FEATURE_ROWS, 2 FEATURE_ROWS), the means of samples in each cell.
+def class_features(
+    segments: Segments, cell: NDArray[np.intp], classes: Sequence[SurfaceClass] = FEATURE_CLASSES
+) -> Image:
+    """Probabilities of classes (C, FEATURE_ROWS, 2 FEATURE_ROWS), the means of samples in each cell.
 
     Args:
         segments: (R, C, classes) of a picture.
         cell: (h, w) row x 2 FEATURE_ROWS + column of each sample; samples are spread evenly over the picture.
+        classes: whose probabilities are wanted.
     """
     height, width = segments.shape[:2]
     rows, columns = cell.shape
@@ -300,7 +325,7 @@ def class_features(segments: Segments, cell: NDArray[np.intp]) -> Image:
     shown = segments[row[:, None], column].reshape(rows * columns, -1)
     cells, cell = 2 * FEATURE_ROWS**2, cell.reshape(-1)
     count = np.maximum(np.bincount(cell, minlength=cells), 1)
-    means = [np.bincount(cell, shown[:, kind], cells) / count for kind in FEATURE_CLASSES]
+    means = [np.bincount(cell, shown[:, kind], cells) / count for kind in classes]
     return np.stack(means).reshape(-1, FEATURE_ROWS, 2 * FEATURE_ROWS).astype(np.float32)
 
 
@@ -360,24 +385,35 @@ def _around_cost(library: _DetailLibrary, target: Image, weight: Image) -> Float
     cost = np.asarray((library.shares - expected) ** 2 @ (np.array(_AROUND_WEIGHTS) * known))
     dry = max(1.0 - 2 * building, 0.0)  # wet streets look like water
     wet = dry * float(np.interp(water, _WATER_SHARES, (0.0, 1.0)))
-    built = float(np.interp(building, _TOWN_SHARES, (0.0, 1.0)))
-    for kinds, degree, price in (
-        (_SHORES, wet, _WATER_COST * float(known[2])),
-        (_TOWNS, built, _TOWN_COST * float(known[0])),
+    built = float(np.interp(_skyline(target, weight), _TOWN_SHARES, (0.0, 1.0)))
+    for kinds, halves, degree, price in (
+        (_SHORES, (), wet, _WATER_COST * float(known[2])),
+        (_TOWNS, _HALF_TOWNS, built, _TOWN_COST * float(known[0])),
     ):
-        cost += price * np.where(np.isin(library.kind, kinds), 1 - degree, degree)
+        share = np.isin(library.kind, kinds) + 0.5 * np.isin(library.kind, halves)
+        cost += price * np.abs(share - degree)
     grown = float(np.interp(building + plants, _BARE_SHARES, (0.0, 1.0))) * float(known[0])
     house = float(np.interp(building, _GARDEN_SHARES, (0.0, 1.0))) if known[0] else 1.0
     cost += _GARDEN_COST * (1 - house) * (library.kind == "garden")
     return np.asarray(cost + _BARE_COST * grown * np.isin(library.kind, _BARE))
 
 
+def _skyline(target: Image, weight: Image) -> float:
+    """The mean, over the columns that a photo shows, of the cell near the horizon that most shows a building."""
+    number = FEATURES.index("building")
+    seen = weight[number, _SKYLINE] > 0
+    highest = (target[number, _SKYLINE] * seen).max(axis=0)
+    return float(highest.sum() / max(np.count_nonzero(seen.any(axis=0)), 1))
+
+
 def _color_cost(library: _DetailLibrary, target: Image, weight: Image) -> Floats:
     """What it costs (N,) that ground and leaves have other colors than in the photo, and the sky other clouds."""
-    seen = (weight[0] > 0).astype(np.float32) * (weight[FEATURES.index("plants")] > 0)
-    ground, _, leaves, wood = library.colors
-    own_ground, cells, own_leaves, own_wood = _mean_colors(target, seen)
-    cost = (ground - own_ground) ** 2 @ np.array(_GROUND_WEIGHTS) * (cells / (cells + _FEW_CELLS))
+    seen = weight[0] / max(float(weight[0].max()), 1e-6) * (weight[FEATURES.index("plants")] > 0)
+    ground, tints, _, leaves, wood = library.colors
+    own_ground, own_tints, cells, own_leaves, own_wood = _mean_colors(target, seen)
+    known = cells / (cells + _FEW_CELLS)
+    cost = known * ((ground - own_ground) ** 2 @ np.array(_GROUND_WEIGHTS))
+    cost += known * _TINTS_WEIGHT * np.maximum(tints - own_tints, 0)
     own_clouds, open_cells = _cloud_contrast(target, seen)
     cost += _CLOUDS_WEIGHT * (library.clouds - own_clouds) ** 2 * (open_cells / (open_cells + _FEW_CELLS))
     return np.asarray(
@@ -395,24 +431,24 @@ def _cloud_contrast(features: Image, seen: Image) -> tuple[Floats, Floats]:
     return (free * contrast).sum(axis=(-2, -1)) / np.maximum(cells, 1e-6), cells
 
 
-def _mean_colors(features: Image, seen: Image) -> tuple[Floats, Floats, Floats, Floats]:
-    """Colors of the ground (..., 2), as _GROUND_WEIGHTS, and of leaves (...); each with how many cells show it.
+def _mean_colors(features: Image, seen: Image) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """The ground's colors (..., 3), as _GROUND_WEIGHTS, its tints (...), its cells; the leaves' autumn and cells.
 
     Args:
         features: (..., F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
         seen: (FEATURE_ROWS, 2 FEATURE_ROWS) 1 for cells that count.
     """
-    red, blue, plants, building, water = (
-        features[..., FEATURES.index(name), :, :] for name in ("red", "blue", "plants", "building", "water")
-    )
+    names = "red", "blue", "tints", "autumn", "plants", "building", "water"
+    red, blue, tints, autumn, plants, building, water = (features[..., FEATURES.index(n), :, :] for n in names)
     bare = np.clip(1 - plants - building - water, 0, 1) * seen
     bare[..., : _GROUND.start, :] = bare[..., _GROUND.stop :, :] = 0
     leafy = plants.clip(0, 1) * seen
     leafy[..., _BAND.stop :, :] = 0
     cells, wood = bare.sum(axis=(-2, -1)), leafy.sum(axis=(-2, -1))
-    tints = [(bare * tint).sum(axis=(-2, -1)) / np.maximum(cells, 1e-6) for tint in (-(red + blue) / 2, red - blue)]
-    leaves = (leafy * red).sum(axis=(-2, -1)) / np.maximum(wood, 1e-6)
-    return np.stack(tints, axis=-1), cells, leaves, wood
+    values = -(red + blue) / 2, red - blue, autumn, tints
+    *ground, varied = ((bare * value).sum(axis=(-2, -1)) / np.maximum(cells, 1e-6) for value in values)
+    leaves = (leafy * autumn).sum(axis=(-2, -1)) / np.maximum(wood, 1e-6)
+    return np.stack(ground, axis=-1), varied, cells, leaves, wood
 
 
 def _class_shares(features: Image, seen: NDArray[np.bool_]) -> tuple[list[Floats], Floats]:

@@ -22,7 +22,7 @@ from lighting.envmap.projection import CLIPPED, PhotoProjection, project_photo, 
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions, wrap_azimuth
-from lighting.prediction import Segments
+from lighting.prediction import PASSING_THINGS, Segments, pixel_share
 from lighting.records import Lighting
 
 _CELL_ROWS = 24  # of the cells in which the map is changed
@@ -37,6 +37,7 @@ _MOVED_DEG = 20.0  # by which a sun was moved for its glow to have gone
 
 # How a photo's edges go on beside it; the last three were tried on panoramas of `train`.
 _MIN_SAMPLES = 8  # sampled pixels of the photo by which a cell counts as visible
+_MAX_PASSING = 0.5  # probability of PASSING_THINGS at a pixel that counts
 _NEAR_DEG = 5.0  # within which the photo's cells count alike
 _VERTICAL_STRETCH = 3.0  # how much farther off a cell is above another than beside it
 _DISTANCE_POWER = 2.5  # of the squared distance, by which cells count less
@@ -281,7 +282,7 @@ def _surroundings_factors(bare: Image, lighting: Lighting, context: PhotoContext
         panorama = _panorama_ratio(np.float32(gain) * context.coarse_panorama, bare)
         for half, cells in zip(np.split(ratio, 2), np.split(panorama, 2), strict=True):  # the horizon does not blend
             multiply_cells(half, cells)
-    return np.asarray(ratio * _extrapolate_edges(ratio * bare, context.photo, lighting, gain))
+    return np.asarray(ratio * _extrapolate_edges(ratio * bare, context.photo, lighting, gain, context.segments))
 
 
 def _pool_cells(image: Image) -> Image:
@@ -311,13 +312,16 @@ def _reduce_contrast(ratio: Image) -> Image:
     return np.asarray(np.exp(np.concatenate([sky, ground])))
 
 
-def _extrapolate_edges(cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float = 1.0) -> Image:
+def _extrapolate_edges(
+    cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float = 1.0, segments: Segments | None = None
+) -> Image:
     """Factors (R, 2R, 3) on the cells of a coarse map (R, 2R, 3) that continue a photo (h, w, 3, sRGB) beside its view.
 
     A cell that the photo shows becomes the mean of its pixels in it. Others follow the nearest of these on their side
-    of the horizon, by their ratio, those at the same height first, and the less the farther off they are.
+    of the horizon, by their ratio, those at the same height first, and the less the farther off they are. People,
+    vehicles and other things, of which the segments tell, do not go on.
     """
-    ratio, visible = _photo_ratios(cells, pixels, lighting, gain)
+    ratio, visible = _photo_ratios(cells, pixels, lighting, gain, segments)
     factors = np.ones_like(cells)
     half = len(cells) // 2
     for part in (slice(0, half), slice(half, None)):
@@ -327,7 +331,7 @@ def _extrapolate_edges(cells: Image, pixels: NDArray[np.uint8], lighting: Lighti
 
 
 def _photo_ratios(
-    cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float
+    cells: Image, pixels: NDArray[np.uint8], lighting: Lighting, gain: float, segments: Segments | None
 ) -> tuple[Image, NDArray[np.bool_]]:
     """The photo, times its gain, over the map in each cell (R, 2R, 3), and which cells it shows (R, 2R).
 
@@ -335,8 +339,10 @@ def _photo_ratios(
     """
     rows, columns = cells.shape[:2]
     photo, cell = sample_cells(pixels, lighting, rows)
-    cell = cell.reshape(-1)
-    colors, map_colors = photo.reshape(-1, 3), cells.reshape(-1, 3)
+    stays = np.ones(cell.shape, np.bool_)
+    if segments is not None:
+        stays = pixel_share(segments, cell.shape[1], cell.shape[0], *PASSING_THINGS) < _MAX_PASSING
+    cell, colors, map_colors = cell[stays], photo[stays], cells.reshape(-1, 3)
     clipped = colors.max(axis=1) > CLIPPED
     colors = colors * np.float32(gain)
     colors = np.where(clipped[:, None], np.maximum(colors, map_colors[cell]), colors)

@@ -16,7 +16,9 @@ from lighting.envmap.detail_library import (
     PhotoFeatures,
     _detail_picture,
     _feature_weights,
+    cell_features,
     choose_source,
+    describe_photo,
     load_detail_library,
 )
 from lighting.envmap.latlong import blur_cells, envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
@@ -245,8 +247,8 @@ def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
     level = np.cos(np.radians(elevation))[:, None] * np.ones(len(azimuth))
     seen = level * ((np.abs(elevation) < 30)[:, None] & (np.abs(azimuth) < 40))
     weight = _feature_weights(seen, level)
-    fitting = np.flatnonzero(library.cost == 0)  # the others cost something for the sake of variety
-    for index, turn in zip(fitting[[2, 8, -3]].tolist(), (5, -11, 0), strict=True):
+    for name, turn in (("mfecane_1206", 5), ("mfecane_1228", -11), ("sunset_fairway", 0)):
+        index = library.names.index(name)
         target = np.roll(library.features[index], turn, axis=-1)
         found = choose(target, weight)
         assert (found.index, found.flipped, found.yaw) == (index, False, turn * 7.5)
@@ -320,6 +322,50 @@ def test_a_lawn_does_not_go_on_as_paving() -> None:
     weight[: -len(FEATURE_CLASSES)] = weight[-1:] * 1e-6
     chosen = library.features[choose(target, weight).index, :, 14:20].mean(axis=(1, 2))
     assert chosen[FEATURES.index("red")] + chosen[FEATURES.index("blue")] < -0.8
+
+
+def test_a_cell_tells_of_autumn_and_of_how_much_its_tints_vary() -> None:
+    orange, green, gray = np.float32([[0.5, 0.25, 0.06], [0.1, 0.2, 0.05], [0.3, 0.3, 0.3]])
+    colors = np.stack([orange, orange, green, green, gray, gray, orange, green])
+    shown, count = cell_features(colors, np.repeat(np.arange(4), 2))
+    tints, autumn = (shown[FEATURES.index(name), 0, :4] for name in ("tints", "autumn"))
+    assert count[0, :5].tolist() == [2, 2, 2, 2, 0]
+    assert autumn.tolist() == [1.0, -1.0, 0.0, 0.0]
+    red = np.log(np.array([0.506, 0.106])) - np.log(np.array([0.256, 0.206]))
+    np.testing.assert_allclose(np.exp(tints), (0.02, 0.02, 0.02, red.std()), rtol=1e-4)
+
+
+@pytest.mark.parametrize(("autumn", "tints"), [(-0.6, -2.5), (0.5, -1.4)])
+def test_autumn_leaves_lie_around_photos_of_them_alone(autumn: float, tints: float) -> None:
+    library = load_detail_library()
+    target, weight = shown_classes(0.0, 0.9)
+    target[FEATURES.index("plants"), 13:] = 0.1
+    target[FEATURES.index("autumn")], target[FEATURES.index("tints")] = autumn, tints
+    target[FEATURES.index("red")], target[FEATURES.index("blue")] = (0.4 if autumn > 0 else -0.3), -0.6
+    seen = weight[FEATURES.index("plants")]
+    weight[: FEATURES.index("broad brightness")] = 1e-6 * seen
+    weight[FEATURES.index("autumn")] = seen / 3
+    forest = np.array([float(name == "forest") for name in PLACE_KINDS])
+    chosen = library.features[choose(target, weight, kinds=forest).index, FEATURES.index("autumn"), 13:20].mean()
+    assert (chosen > 0.3) == (autumn > 0)
+
+
+@pytest.mark.parametrize(("width", "kinds"), [(48, {"city", "waterfront"}), (2, {"meadow", "desert"})])
+def test_a_low_skyline_makes_a_town_and_a_single_house_none(width: int, kinds: set[str]) -> None:
+    target, weight = shown_classes(0.0, 0.02)
+    first = FEATURE_ROWS - width // 2
+    target[FEATURES.index("building"), 11, first : first + width] = 0.4
+    assert load_detail_library().kind[choose(target, weight).index] in kinds
+
+
+def test_people_and_things_tell_nothing_of_a_place() -> None:
+    segments = np.zeros((18, 24, len(SurfaceClass)), np.float32)
+    segments[..., SurfaceClass.GROUND] = 1
+    segments[:, 12:] = np.eye(len(SurfaceClass))[SurfaceClass.PERSON]
+    around = np.full((FEATURE_ROWS, 2 * FEATURE_ROWS, 3), 0.2, np.float32)
+    seen = describe_photo(LIGHT, photo(), around, segments).weight[FEATURES.index("contrast")].sum(axis=0)
+    assert seen[:FEATURE_ROWS].sum() == pytest.approx(2.0, abs=0.05)
+    assert not seen[FEATURE_ROWS + 1 :].any()
 
 
 def test_every_panorama_has_a_kind() -> None:

@@ -28,7 +28,7 @@ from lighting.geometry import angle_between, latlong_directions
 from lighting.map_options import MapOptions
 from lighting.photo.reader import Photo
 from lighting.photo_estimate import Estimate
-from lighting.prediction import EstimatedLight, SunDistribution
+from lighting.prediction import EstimatedLight, SunDistribution, SurfaceClass
 from lighting.records import Lighting
 from tests.helpers.predictions import SKY_IRRADIANCE, model_light, stated_light
 
@@ -74,6 +74,20 @@ def test_a_tree_at_the_edge_goes_on_at_its_own_height() -> None:
     factors = _extrapolate_edges(cells(), pixels, LIGHT)[..., 1]
     assert factors[11, 30] < 0.3 * factors[11, 17]
     assert factors[4, 30] > 0.8 * factors[4, 17]
+
+
+@pytest.mark.parametrize("passing", [SurfaceClass.PERSON, SurfaceClass.VEHICLE, SurfaceClass.OBJECT])
+def test_people_and_things_do_not_go_on(passing: SurfaceClass) -> None:
+    pixels = photo(BLUE, BLUE)
+    pixels[:, 60:] = RED
+    segments = np.zeros((18, 24, len(SurfaceClass)), np.float32)
+    segments[:, :12, SurfaceClass.GROUND] = segments[:, 12:, passing] = 1
+    alone, with_thing = (
+        _extrapolate_edges(cells(), p, LIGHT, segments=s) for p, s in ((pixels, None), (pixels, segments))
+    )
+    ratio = with_thing[..., 0] / with_thing[..., 2]
+    assert (alone[12, 26:30, 0] > alone[12, 26:30, 2]).all()
+    assert (ratio[11:13] < 1).all()
 
 
 def test_white_pixels_darken_nothing() -> None:
