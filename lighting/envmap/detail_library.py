@@ -90,6 +90,7 @@ _BARE = ("desert", "mountain")
 _SHORES = ("shore", "waterfront")
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
+_DULL_COST = 0.5  # of a panorama without sun where there is one
 _LEAST_FREE = 0.1  # share of a cell without PASSING_THINGS, from which it counts
 _SNOW = PLACE_KINDS.index("snow")
 _KIND_WEIGHT = 3.0  # of the logarithm of how probably photo and panorama are of one kind of place
@@ -469,14 +470,14 @@ def _class_shares(features: Image, seen: NDArray[np.bool_]) -> tuple[list[Floats
 
 
 def _sun_cost(library: _DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:
-    """What the library's suns cost (N, turns) where the sun is; a panorama in shade fits any."""
+    """What the library's suns cost (N, turns) where the sun is."""
     turns = np.arange(2 * FEATURE_ROWS) * 180.0 / FEATURE_ROWS
     known = np.isfinite(library.sun_azimuth) & library.sunlit
     if sun_azimuth is None:
         return np.where(library.sunlit, _SHADE_COST, 0.0)[:, None] * np.ones(len(turns))
     azimuth = np.nan_to_num(library.sun_azimuth) * (-1 if flipped else 1)
     off = np.radians(azimuth[:, None] + turns - sun_azimuth)
-    return np.asarray(np.where(known[:, None], _SUN_WEIGHT * (1 - np.cos(off)), _SUN_WEIGHT))
+    return np.asarray(np.where(known[:, None], _SUN_WEIGHT * (1 - np.cos(off)), _DULL_COST))
 
 
 @dataclass(frozen=True, eq=False)
