@@ -4,9 +4,12 @@ import { type Angles, angles, combine, direction, type Vector } from "../src/geo
 import { type Camera, type Point, pixelRay, project } from "../src/geometry/camera";
 import { fitCamera, heightByReference, type Line } from "../src/geometry/fit";
 import { horizonEnds, markedSun } from "../src/geometry/marks";
+import type { Live } from "../src/state";
 import { trustText } from "../src/text/format";
-import { moveMarks, readMarks, writeMarks } from "../src/text/marks";
-import type { Lighting } from "../src/types";
+import { type Mark, moveMarks, readMarks, writeMarks } from "../src/text/marks";
+import type { DrawnField } from "../src/text/metadata";
+import type { Estimate, Lighting } from "../src/types";
+import { liveOf } from "../src/views/live";
 
 interface DrawnCase {
   name: string;
@@ -142,6 +145,37 @@ describe("a thing of known size", () => {
     expect(height(pixel(0.4, -4), pixel(0.4, -4, 1.5), false)).toBeCloseTo(2, 6); // 1.5 where the camera stands 1 high
     expect(height(pixel(0.4, -4), pixel(0.4, -6), true)).toBeCloseTo(1.5, 6);
     expect(height([400, 20], pixel(0.4, -4), true)).toBeUndefined();
+  });
+});
+
+describe("what is shown while something is drawn", () => {
+  const estimate = { camera: { ...CAMERA, height: 1.6 }, sun: { azimuth: 20 }, evidence: ["pixels"] } as Estimate;
+  const live = (field: DrawnField, text: string, vertical = ""): Live | undefined => {
+    const marks = readMarks(text);
+    const read = (name: DrawnField): Mark[] =>
+      name === field ? marks : readMarks(name === "vertical" ? vertical : "");
+    return liveOf(estimate, CAMERA, SIZE, field, marks.at(-1) as Mark, read);
+  };
+  const text = (...points: Point[]): string => points.flat().join(",");
+
+  it("is the sun of a shadow, on", () => {
+    const [x, , z] = direction(70, 0);
+    const shadow = text(pixel(0.4, -4), pixel(0.4 - x, -4 - z));
+    expect(live("shadow", shadow)).toEqual({ parameters: { sun_azimuth: expect.closeTo(70, 6), sun: true } });
+  });
+
+  it("is the camera's height by a thing of known size", () => {
+    const thing = `${text(pixel(0.4, -4), pixel(0.4, -4, 1.5))},3`;
+    expect(live("reference", thing)).toEqual({ camera: { ...CAMERA, height: expect.closeTo(2, 6) } });
+    expect(live("reference", text(pixel(0.4, -4), pixel(0.4, -4, 1.5)))).toBeUndefined(); // without meters
+  });
+
+  it("is the camera by all lines, but for one of level edges whose other is still to come", () => {
+    const upright = text(pixel(-1, -5), pixel(-1, -5, 2.5));
+    const alone = live("vertical", upright);
+    expect(live("vertical", `${upright};level:100,200,300,210`)).toEqual(alone);
+    expect(live("horizon", "60,246,740,207", upright)?.camera).not.toEqual(live("horizon", "60,246,740,207")?.camera);
+    expect(alone?.camera?.height).toBe(1.6);
   });
 });
 

@@ -3,13 +3,13 @@
 import { addRadioButtons, arrowStep, byId, createElement, createSvg, drawPath, findRadio } from "../dom";
 import { clamp } from "../geometry/angles";
 import type { Point, Size } from "../geometry/camera";
-import { fitCamera, heightByReference, type Line } from "../geometry/fit";
-import { horizonEnds, markedSun } from "../geometry/marks";
+import { horizonEnds } from "../geometry/marks";
 import type { ImagePart } from "../photo";
 import type { Live, PhotoView } from "../state";
 import { type End, GUESS, hasFoot, type Mark, moveMarks, readMarks, writeMarks } from "../text/marks";
 import { DRAWN_FIELDS, type DrawnField, type UserInput } from "../text/metadata";
 import { HELP, KINDS, type Kind, LISTS, NAMES, TOOLS, type Tool } from "../text/tools";
+import { liveOf } from "./live";
 import { Loupe } from "./loupe";
 
 const SHORTEST = 12; // CSS pixels of a drag that counts
@@ -206,52 +206,15 @@ export class Tools {
 
   /** Shows at once what follows from what is drawn or dragged. */
   private preview(): void {
-    const { view, kind, drag } = this;
-    if (!view || !kind || !drag) return;
+    const { view, kind, drag, said } = this;
+    if (!view || !kind || !drag || !said) return;
     const marks = "points" in drag ? this.withNew(drag.points) : drag.marks;
     const mark = marks["points" in drag ? marks.length - 1 : "end" in drag ? drag.end[0] : 0];
     if (!mark || !this.isLongEnough(mark.points)) return;
-    const live = this.liveOf(view, kind, marks, mark);
+    const onPad = (one: Mark): Mark => ({ ...one, points: this.onPad(one) });
+    const read = (field: DrawnField): Mark[] => (field === kind.field ? marks : readMarks(said[field])).map(onPad);
+    const live = liveOf(view.estimate, view.pixelCamera, this.size, kind.field, onPad(mark), read);
     if (live) this.actions.preview(live);
-  }
-
-  /** What a mark of a tool says of light or camera, beside all lines that are drawn. */
-  private liveOf(view: PhotoView, { field }: Kind, marks: Mark[], mark: Mark): Live | undefined {
-    const [points, { camera, sun }] = [this.onPad(mark), view.estimate];
-    if (field === "shadow") {
-      const marked = markedSun({ ...mark, points }, camera, this.size, sun.azimuth);
-      if (!marked) return undefined;
-      const { azimuth = sun.azimuth, elevation } = marked;
-      return {
-        parameters: {
-          sun_azimuth: azimuth,
-          ...(elevation === undefined ? {} : { sun_elevation: elevation }),
-          sun: true,
-        },
-      };
-    }
-    if (field === "reference") {
-      const meters = Number(mark.meters);
-      const height = heightByReference(points as unknown as Line, meters, mark.prefix !== "", camera, this.size);
-      return height === undefined ? undefined : { camera: { ...camera, height } };
-    }
-    const linesOf = (one: Mark): Line[] => {
-      const ends = this.onPad(one);
-      return ends.flatMap((end, i) => (i % 2 ? [[ends[i - 1] as Point, end] as const] : []));
-    };
-    const all = (name: DrawnField): Mark[] => (name === field ? marks : readMarks(this.said?.[name] ?? ""));
-    const edges = all("vertical").map((one) => ({ ...one, lines: linesOf(one) }));
-    const fitted = fitCamera(
-      view.pixelCamera,
-      {
-        horizon: all("horizon").flatMap(linesOf)[0],
-        verticals: edges.filter(({ prefix }) => !prefix).flatMap(({ lines }) => lines),
-        levels: edges.filter(({ prefix, lines }) => prefix && lines.length > 1).map(({ lines }) => lines),
-      },
-      this.size,
-      view.estimate.evidence.includes("focal length"),
-    );
-    return fitted && { camera: { ...fitted, ...(camera.height === undefined ? {} : { height: camera.height }) } };
   }
 
   private finish(event: PointerEvent): void {
