@@ -63,9 +63,9 @@ function leastSquares(residuals: (values: readonly number[]) => number[], start:
     });
     const times = (a: number[], b: number[]): number => a.reduce((sum, value, k) => sum + value * (b[k] as number), 0);
     const rows = columns.map((column) => [...columns.map((other) => times(column, other)), -times(column, here)]);
-    values = values.map(
-      (value, i) => value + clamp(solve(rows)[i] as number, -(MAX_STEP[i] as number), MAX_STEP[i] as number),
-    );
+    const changes = solve(rows).map((value, i) => clamp(value, -(MAX_STEP[i] as number), MAX_STEP[i] as number));
+    values = values.map((value, i) => value + (changes[i] as number));
+    if (Math.max(...changes.map(Math.abs)) < DIFFERENCE / 100) break;
   }
   return values;
 }
