@@ -50,10 +50,15 @@ function litSun(
     const isBeside = Math.sin(radians(azimuth - between)) * turn > 0;
     return { azimuth: isBeside ? azimuth : wrapAzimuth(2 * between - azimuth) };
   }
-  const [x, y] = [shaded[0] - lit[0], shaded[1] - lit[1]];
-  const share = ((border[0] - lit[0]) * x + (border[1] - lit[1]) * y) / (x * x + y * y); // of the width, that is lit
+  const share = litShare(shaded, lit, border);
   if (!(share >= 0 && share <= 1)) return undefined;
   return { azimuth: wrapAzimuth(between + 180 - Math.sign(turn) * degrees(Math.acos(2 * share - 1))) };
+}
+
+/** The share of a thing's width that is lit, by its edges and the border of shade and light; other than 0 to 1 beside it. */
+export function litShare(shaded: Point, lit: Point, border: Point): number {
+  const [x, y] = [shaded[0] - lit[0], shaded[1] - lit[1]];
+  return ((border[0] - lit[0]) * x + (border[1] - lit[1]) * y) / (x * x + y * y);
 }
 
 /** The point of the ground behind a pixel, of a camera that stands 1 above it; undefined at the horizon and above. */

@@ -3,7 +3,7 @@
 import { addRadioButtons, arrowStep, byId, createElement, createSvg, drawPath, findRadio } from "../dom";
 import { clamp } from "../geometry/angles";
 import type { Point, Size } from "../geometry/camera";
-import { horizonEnds } from "../geometry/marks";
+import { horizonEnds, litShare } from "../geometry/marks";
 import type { ImagePart } from "../photo";
 import type { Live, PhotoView } from "../state";
 import { type End, GUESS, hasFoot, type Mark, moveMarks, readMarks, writeMarks } from "../text/marks";
@@ -14,7 +14,7 @@ import { Loupe } from "./loupe";
 
 const SHORTEST = 12; // CSS pixels of a drag that counts
 const GRIP = 28; // CSS pixels around an end, from which a finger drags it
-const END = 7; // CSS pixels, the radius of an end
+const BESIDE = 0.05; // of a thing's width, at its edges: a tap there is no border
 const STEP = 1; // CSS pixels of a key; with Shift ten of them
 const REST = 600; // ms without a key, after which the service is asked
 
@@ -220,9 +220,10 @@ export class Tools {
   private finish(event: PointerEvent): void {
     this.loupe.hide();
     const { drag, kind } = this;
+    const border = this.withBorder(event);
     if (this.tool === "sun") this.actions.forward(event);
     else if (!drag || !kind) this.clear();
-    else if (this.isBorder(event)) this.stateBorder();
+    else if (border) this.stateMarks(border);
     else if ("marks" in drag) this.stateMarks(drag.marks);
     else if (kind.ends.length === 1 + this.first.length) this.stateNew(drag.points);
     else if (!this.isLongEnough(drag.points)) this.clear();
@@ -237,21 +238,18 @@ export class Tools {
     } else this.stateNew(drag.points);
   }
 
-  /** Whether a tap says where shade turns into light between the two edges that were drawn last. */
-  private isBorder(event: PointerEvent): boolean {
-    const last = this.stated.at(-1);
-    if (this.kind?.prefix !== "lit:" || last?.prefix !== "lit:") return false;
-    const away = ([x, y]: Point, to: Point): number => Math.hypot(x - to[0], y - to[1]);
-    const isOnEnd = this.onPad(last).some((end) => away(end, this.pressed) < END);
-    return away(this.pointOf(event), this.pressed) < SHORTEST && !isOnEnd;
-  }
-
-  private stateBorder(): void {
+  /** The lit side that was drawn last, if a tap between its edges says where shade turns into light. */
+  private withBorder(event: PointerEvent): Mark[] | undefined {
+    const at = this.pointOf(event);
+    const away = ([x, y]: Point, from: Point): number => Math.hypot(x - from[0], y - from[1]);
     const marks = this.stated;
     const last = marks.pop();
-    if (!last) return;
-    const points = [...last.points.slice(0, 2), this.toPhoto(this.pressed)];
-    this.state({ shadow: writeMarks([...marks, { ...last, points }]) });
+    const [shaded, lit] = last ? this.onPad(last) : [];
+    if (this.kind?.prefix !== "lit:" || last?.prefix !== "lit:" || !shaded || !lit) return undefined;
+    const share = litShare(shaded, lit, at);
+    const isFar = Math.min(away(shaded, at), away(lit, at)) > away(shaded, lit) + GRIP;
+    if (isFar || !(share > BESIDE && share < 1 - BESIDE) || away(at, this.pressed) >= SHORTEST) return undefined;
+    return [...marks, { ...last, points: [...last.points.slice(0, 2), this.toPhoto(at)] }];
   }
 
   /** What is said of the tool's field. */
@@ -438,7 +436,7 @@ function drawMark(points: readonly Point[], width: number, isGuess: boolean): SV
     const line = width ? [extend(to, from, width), extend(from, to, width)] : [from, to];
     return [drawPath(line, "rim"), drawPath(line, isGuess ? "line guess" : "line")];
   });
-  return [...drawn, ...points.map(([cx, cy]) => createSvg("circle", { cx, cy, r: END }))];
+  return [...drawn, ...points.map(([cx, cy]) => createSvg("circle", { cx, cy, r: 7 }))];
 }
 
 /** The point that lies so far beyond `to`, as seen from `from`. */
