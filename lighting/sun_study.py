@@ -18,7 +18,7 @@ import numpy as np
 from lighting.envmap.relighting import edit_lighting
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, SceneError
 from lighting.fields import describe_fields
-from lighting.files import DEFAULT_FILE, atomic_write, encode_envmap, output_folder_error
+from lighting.files import DEFAULT_FILE, encode_envmap, output_folder_error, write_file
 from lighting.fusion.time_zones import offset_at
 from lighting.geometry import wrap_azimuth
 from lighting.map_options import DEFAULT_MAP, MapOptions
@@ -134,17 +134,12 @@ def write_sun_study(
         shown = estimate.replace(lighting=hour.lighting)
         shown.render(options).write(target / hour.map_name)
         sky = shown.render(replace(options, disc=False))
-        _write_bytes(stage / hour.map_name, encode_envmap(sky.image, sky.lighting, DEFAULT_FILE, probe=sky.probe))
+        write_file(stage / hour.map_name, encode_envmap(sky.image, sky.lighting, DEFAULT_FILE, probe=sky.probe))
     for file, text in animate_usd_sun(study.path).items():
-        _write_bytes(stage / file, text.encode())
+        write_file(stage / file, text.encode())
     lines = (json_line(name, hour.lighting, outputs={"map": hour.map_name}) for hour in study.hours)
-    _write_bytes(target / RECORDS, "".join(f"{line}\n" for line in lines).encode())
+    write_file(target / RECORDS, "".join(f"{line}\n" for line in lines).encode())
     return [stage / DAY_STAGE, target / RECORDS, *(target / hour.map_name for hour in study.hours)]
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(data)
 
 
 @dataclass(frozen=True)

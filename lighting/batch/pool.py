@@ -26,7 +26,7 @@ from typing import Generic, TypeVar
 from lighting.batch import job as jobs
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE, Journal, check_table, has_lights, open_journal
 from lighting.errors import BatchError, EnvironmentMapError
-from lighting.files import atomic_write, escape_undecodable, is_own_map, stale_temporaries
+from lighting.files import escape_undecodable, is_own_map, stale_temporaries, write_file
 from lighting.record_json import json_line
 from lighting.runtime import ONE_BLAS_THREAD, ONE_THREAD, keep_memory
 from lighting.tracing import Step, listen_to_steps, report_step
@@ -75,8 +75,7 @@ def open_batch(job: jobs.BatchJob, *, overwrite: bool = False) -> Iterator[Journ
         if overwrite:
             journal.clear()
             (out / TABLE).unlink(missing_ok=True)
-        with atomic_write(file) as path:
-            path.write_text(json.dumps(settings, indent=2) + "\n")
+        write_file(file, (json.dumps(settings, indent=2) + "\n").encode())
         yield journal
 
 

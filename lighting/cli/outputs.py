@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 
 from lighting.cli.console import check_photo_file, check_there, escape_control_chars, escape_path
-from lighting.files import MAP_FILE_SUFFIXES, MAP_FORMATS, atomic_write, join_words
+from lighting.files import MAP_FILE_SUFFIXES, MAP_FORMATS, join_words, write_file
 
 RECORD_SUFFIXES = (".json", ".jsonl")
 _HINT = "'-o' / '--output'"  # how click names the option in an error
@@ -333,5 +333,4 @@ def write_bytes(output: str, data: bytes) -> None:
         sys.stdout.buffer.write(data)
         sys.stdout.buffer.flush()
     else:
-        with atomic_write(output) as path:
-            path.write_bytes(data)
+        write_file(output, data)

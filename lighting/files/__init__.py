@@ -319,6 +319,17 @@ def atomic_write(target: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def write_file(target: str | os.PathLike[str], data: bytes) -> None:
+    """Write a file that is whole or not at all, as `atomic_write` does.
+
+    Args:
+        target: path of the file.
+        data: what it holds.
+    """
+    with atomic_write(target) as temporary:
+        temporary.write_bytes(data)
+
+
 def stale_temporaries(target: str | os.PathLike[str]) -> list[Path]:
     """Temporary files of `atomic_write` in a folder: while nobody writes in it, what killed processes left.
 

@@ -19,7 +19,7 @@ from lighting.errors import ErrorCode, SceneError
 from lighting.fields import Json
 from lighting.geometry import to_z_up
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
-from lighting.scene.writer import Folder, read_data_text, write_shared_files
+from lighting.scene.writer import Folder, encode_json, read_data_text, write_shared_files
 
 _SCRIPT, _NUMBERS, BLEND_FILE = "scene.py", "scene.json", "scene.blend"
 SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
@@ -49,7 +49,7 @@ def write_blender(scene: records.Scene, folder: Folder, *, blend: bool = False) 
         SceneError: there is no Blender, or it fails.
     """
     write_shared_files(scene, folder)
-    (folder / _NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
+    (folder / _NUMBERS).write_bytes(encode_json(_description(scene)))
     (folder / _SCRIPT).write_text(read_data_text("blender_scene.py"), encoding="utf-8")
     if not blend:
         return

@@ -19,9 +19,10 @@ from lighting.envmap.latlong import FACES, face_size, level_count, prefilter_cub
 from lighting.files.exr import SOFTWARE
 from lighting.files.radiance_hdr import encode_hdr_face
 from lighting.light_probe import encode_light_probe, shader_harmonics
+from lighting.scene import RECORD
 from lighting.scene.gltf import write_gltf
 from lighting.scene.records import Scene
-from lighting.scene.writer import Folder, write_record
+from lighting.scene.writer import Folder, encode_record
 
 Levels = Sequence[NDArray[np.float32]]  # each (6, size, size, 3) of half the size of the one before
 
@@ -110,7 +111,7 @@ def write_cubemap(scene: Scene, folder: Folder) -> None:
     (folder / "environment.ktx2").write_bytes(_encode_ktx2(levels))
     for name, face in zip(FACES, levels[0], strict=True):
         (folder / f"{name}.hdr").write_bytes(encode_hdr_face(face))
-    write_record(scene, folder)
+    (folder / RECORD).write_bytes(encode_record(scene))
 
 
 _NAMES = [f"L{band}{order}, irradiance, pre-scaled base" for band in range(3) for order in range(-band, band + 1)]
@@ -134,4 +135,4 @@ def write_filament(scene: Scene, folder: Folder) -> None:
     lines = [f"({', '.join(f'{value:18.15f}' for value in row)}); // {_NAMES[i]}" for i, row in enumerate(harmonics)]
     (folder / "sh.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     (folder / "light.json").write_text(encode_light_probe(scene.light_probe, "filament") + "\n", encoding="utf-8")
-    write_record(scene, folder)
+    (folder / RECORD).write_bytes(encode_record(scene))

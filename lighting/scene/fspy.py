@@ -10,9 +10,10 @@ import struct
 import numpy as np
 
 from lighting.fields import Json
+from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, to_z_up
 from lighting.scene.records import Scene
-from lighting.scene.writer import Folder, encode_plate, write_shared_files
+from lighting.scene.writer import Folder, encode_json, write_shared_files
 
 _CAMERA, _PROJECT = "camera.json", "scene.fspy"
 
@@ -29,10 +30,10 @@ def write_fspy(scene: Scene, folder: Folder) -> None:
     """
     write_shared_files(scene, folder)
     camera = _camera(scene)
-    (folder / _CAMERA).write_text(json.dumps(camera, indent=2) + "\n", encoding="utf-8")
+    (folder / _CAMERA).write_bytes(encode_json(camera))
     settings = {"referenceDistanceUnit": "Meters", "referenceDistance": scene.lighting.camera_height}
     state = json.dumps({"cameraParameters": camera, "calibrationSettingsBase": settings}).encode()
-    plate = encode_plate(scene)
+    plate = encode_png(scene.plate)
     header = struct.pack("<4sIII", b"fspy", _VERSION, len(state), len(plate))
     (folder / _PROJECT).write_bytes(header + state + plate)
 

@@ -29,7 +29,7 @@ from lighting.geometry import Floats
 from lighting.light_probe import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 from lighting.record_json import record_with_coefficients
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene
-from lighting.scene.writer import Folder, encode_lit_ground, encode_plate
+from lighting.scene.writer import Folder, encode_lit_ground
 
 GLB_FILE = "scene.glb"
 
@@ -61,7 +61,7 @@ def write_gltf(scene: Scene, folder: Folder) -> None:
         folder: where the files go.
     """
     binary = _Binary()
-    images = [binary.png(encode_plate(scene)), binary.png(encode_lit_ground(scene))]
+    images = [binary.png(encode_png(scene.plate)), binary.png(encode_lit_ground(scene))]
     image_light = _image_light(scene, images, binary)
     document = {
         "asset": {

@@ -20,13 +20,13 @@ from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
 from lighting.fields import Json
 from lighting.files import FileOptions, encode_envmap, encode_jpeg
+from lighting.files.deflate import encode_png
 from lighting.record_json import record_with_coefficients
 from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import (
     Folder,
     encode_ground_mask,
     encode_lit_ground,
-    encode_plate,
     fill_template,
     read_data_text,
 )
@@ -108,7 +108,7 @@ def _description(scene: Scene) -> Json:
         "stickHeight": placeholder.stick_height,
         "stickRadius": placeholder.stick_radius,
         "albedo": PLACEHOLDER_ALBEDO,
-        "plate": _png_url(encode_plate(scene)),
+        "plate": _png_url(encode_png(scene.plate)),
         "litGround": _png_url(encode_lit_ground(scene, movable=True)),
         "ground": _png_url(encode_ground_mask(scene)),
         "environment": b64encode(

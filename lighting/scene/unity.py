@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from lighting.color import color_and_intensity, srgb_encode
 from lighting.fields import Json
 from lighting.files import encode_envmap
+from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle
-from lighting.record_json import record_with_coefficients
 from lighting.scene import ENVIRONMENT, PLATE, RECORD, records
-from lighting.scene.writer import Folder, encode_plate, encode_projected_ground, read_data_text
+from lighting.scene.writer import Folder, encode_projected_ground, encode_record, read_data_text
 
 _PACKAGE = "scene.unitypackage"
 ASSETS = "Assets/LightFromPhoto"
@@ -40,7 +40,6 @@ def write_unity(scene: records.Scene, folder: Folder) -> None:
         folder: where it goes.
     """
     albedo, emission = encode_projected_ground(scene)
-    record = json.dumps(record_with_coefficients(scene.lighting, scene.light_probe), indent=2) + "\n"
     members = {
         "Editor/LightFromPhoto.cs": (read_data_text("LightFromPhoto.cs").encode(), "MonoImporter:\n"),
         "Editor/LightFromPhoto.asmdef": (
@@ -51,11 +50,11 @@ def write_unity(scene: records.Scene, folder: Folder) -> None:
             encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe),
             _texture_meta(cube=True),
         ),
-        PLATE: (encode_plate(scene), _texture_meta()),
+        PLATE: (encode_png(scene.plate), _texture_meta()),
         "ground_albedo.png": (albedo, _texture_meta()),
         "ground_emission.png": (emission, _texture_meta()),
         "scene.json": (json.dumps(_description(scene)).encode(), "TextScriptImporter:\n"),
-        RECORD: (record.encode(), "TextScriptImporter:\n"),
+        RECORD: (encode_record(scene), "TextScriptImporter:\n"),
     }
     own = f"{ASSETS}/{scene.photo_name}"  # so that another photo's assets are others; the script is shared
     paths = {name: f"{ASSETS if name.startswith('Editor/') else own}/{name}" for name in members}

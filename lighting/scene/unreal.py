@@ -9,8 +9,6 @@ References:
     PostProcessEyeAdaptation.cpp (exposure), UnrealMath.cpp (rotators).
 """
 
-import json
-
 import numpy as np
 
 from lighting.color import color_and_intensity, srgb_bytes
@@ -18,7 +16,7 @@ from lighting.fields import Json
 from lighting.files import FileOptions, encode_envmap
 from lighting.geometry import Floats
 from lighting.scene import PLATE, records
-from lighting.scene.writer import Folder, encode_projected_ground, read_data_text, write_shared_files
+from lighting.scene.writer import Folder, encode_json, encode_projected_ground, read_data_text, write_shared_files
 
 _SCRIPT, _NUMBERS, SKY = "unreal_scene.py", "unreal_scene.json", "environment.hdr"
 _ALBEDO, EMISSION = "ground_albedo.png", "ground_emission.png"
@@ -40,7 +38,7 @@ def write_unreal(scene: records.Scene, folder: Folder) -> None:
     albedo, emission = encode_projected_ground(scene)
     (folder / _ALBEDO).write_bytes(albedo)
     (folder / EMISSION).write_bytes(emission)
-    (folder / _NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
+    (folder / _NUMBERS).write_bytes(encode_json(_description(scene)))
     (folder / _SCRIPT).write_text(read_data_text("unreal_scene.py"), encoding="utf-8")
 
 

@@ -23,9 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
+from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, to_z_up
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
-from lighting.scene.writer import Folder, encode_lit_ground, encode_plate, fill_template, write_shared_files
+from lighting.scene.writer import Folder, encode_lit_ground, fill_template, write_shared_files
 
 STAGE, SHOT_STAGE, DAY_STAGE, PACKAGE = "scene.usda", "shot.usda", "day.usda", "scene.usdz"
 
@@ -54,7 +55,7 @@ def write_usd(scene: records.Scene, folder: Folder, *, up_axis: str = "Y") -> No
     write_shared_files(scene, folder)
     (folder / STAGE).write_text(fill_template("scene.usda", _values(scene, up_axis)), encoding="utf-8")
     geometry = _without_lights(fill_template("scene.usda", _values(scene, "Y")))
-    pictures = {PLATE: encode_plate(scene), LIT_GROUND: encode_lit_ground(scene)}
+    pictures = {PLATE: encode_png(scene.plate), LIT_GROUND: encode_lit_ground(scene)}
     (folder / PACKAGE).write_bytes(_pack_usdz({STAGE: geometry.encode(), **pictures}))
 
 

@@ -20,6 +20,7 @@ from PIL import Image
 
 from lighting.color import SRGB_LINEAR, srgb_bytes
 from lighting.errors import ErrorCode, SceneError
+from lighting.fields import Json
 from lighting.files import encode_envmap, output_folder_error
 from lighting.files.deflate import encode_png
 from lighting.ground import draw_ground_mask
@@ -274,31 +275,29 @@ def write_shared_files(scene: Scene, folder: Folder) -> None:
         scene: made by `make_scene`.
         folder: where they go.
     """
-    (folder / PLATE).write_bytes(encode_plate(scene))
+    (folder / PLATE).write_bytes(encode_png(scene.plate))
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe))
-    write_record(scene, folder)
+    (folder / RECORD).write_bytes(encode_record(scene))
     (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
     (folder / GROUND).write_bytes(encode_ground_mask(scene))
 
 
-def write_record(scene: Scene, folder: Folder) -> None:
-    """Write RECORD.
-
-    Args:
-        scene: made by `make_scene`.
-        folder: where the file goes.
-    """
-    record = json.dumps(record_with_coefficients(scene.lighting, scene.light_probe), indent=2)
-    (folder / RECORD).write_text(record + "\n", encoding="utf-8")
-
-
-def encode_plate(scene: Scene) -> bytes:
-    """The plate as PNG.
+def encode_record(scene: Scene) -> bytes:
+    """What RECORD holds.
 
     Args:
         scene: made by `make_scene`.
     """
-    return encode_png(scene.plate)
+    return encode_json(record_with_coefficients(scene.lighting, scene.light_probe))
+
+
+def encode_json(content: Json) -> bytes:
+    """A file of JSON, indented.
+
+    Args:
+        content: of the file.
+    """
+    return (json.dumps(content, indent=2) + "\n").encode()
 
 
 def encode_lit_ground(scene: Scene, *, movable: bool = False) -> bytes:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError, PhotoError, require_extra
 from lighting.fields import Json, check_location
-from lighting.files import atomic_write
+from lighting.files import atomic_write, write_file
 from lighting.files.deflate import encode_png
 from lighting.files.exr import SOFTWARE
 from lighting.fusion.user_input import UserInput
@@ -66,8 +66,7 @@ def _encode_pictures(normals: NormalMap, pose: Pose) -> list[tuple[str, Image, F
 
 def _write_png16(target: Path, values: Floats) -> None:
     """Write numbers (H, W, C), C 1 or 3, rounded and cut to 0 to 65535, as a PNG of 16 bits."""
-    with atomic_write(target) as path:
-        path.write_bytes(encode_png(np.clip(np.round(values), 0, 65535).astype(np.uint16)))
+    write_file(target, encode_png(np.clip(np.round(values), 0, 65535).astype(np.uint16)))
 
 
 def _write_picture(target: Path, values: Image) -> None:
@@ -93,8 +92,8 @@ def _write_mesh(target: Path, vertices: Floats, normals: NormalMap) -> None:
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     faces = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, triangles
-    with atomic_write(target) as path:
-        path.write_bytes(_ply_header(int(mask.sum()), len(faces)) + _ply_vertices(vertices, normals) + faces.tobytes())
+    header = _ply_header(int(mask.sum()), len(faces))
+    write_file(target, header + _ply_vertices(vertices, normals) + faces.tobytes())
 
 
 def _ply_vertices(vertices: Floats, normals: NormalMap) -> bytes:
@@ -348,8 +347,7 @@ def _write_results(folder: Path, result: NormalsResult) -> None:
         _write_png16(folder / f"{name}.png", np.where(result.map.mask[..., None], codes, 0))
         _write_picture(folder / f"{name}.exr", plane)
     _write_mesh(folder / MESH_FILE, vertices, result.map)
-    with atomic_write(folder / RECORD_FILE) as path:
-        path.write_text(json.dumps(result.record, indent=2) + "\n", encoding="utf-8")
+    write_file(folder / RECORD_FILE, (json.dumps(result.record, indent=2) + "\n").encode())
 
 
 def _surface_points(result: NormalsResult) -> Floats:

@@ -36,7 +36,7 @@ from lighting.envmap.relighting import radiance_gain, rotate_envmap, rotate_ligh
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import ErrorCode, SceneError, VideoError
-from lighting.files import atomic_write, escape_undecodable, is_own_map, write_envmap
+from lighting.files import atomic_write, escape_undecodable, is_own_map, write_envmap, write_file
 from lighting.files.deflate import encode_png
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
@@ -620,8 +620,7 @@ def _write_scene(
     frames, first_frame = (shot.path.time - shot.path.time[0]) * rate, int(shot.frames[0])
     motion = CameraMotion(matrices, focal_lengths, frames, rate, first_frame, clip and os.path.relpath(clip, folder))
     for name, text in animate(motion).items():
-        with atomic_write(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_file(folder / name, text.encode())
     return scene.warnings
 
 

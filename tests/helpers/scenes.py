@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import srgb_decode, tone_map
 from lighting.envmap.render import render
+from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight, SunDistribution
@@ -16,7 +17,7 @@ from lighting.preview.drawing import SUN
 from lighting.records import Lighting
 from lighting.scene import Exporter, ExporterOption
 from lighting.scene.records import Scene, make_scene
-from lighting.scene.writer import Folder, encode_plate
+from lighting.scene.writer import Folder
 from lighting.sky import SkyModel, Weather
 
 Bytes = NDArray[np.uint8]
@@ -118,7 +119,7 @@ def write_toy(scene: Scene, folder: Folder, *, unit: str = "m") -> None:
     height = scene.camera_position[1] * {"m": 1, "cm": 100}[unit]
     lines = [f"sun {scene.lighting.sun_azimuth:g} {scene.lighting.sun_elevation:g}", f"camera {height:g} {unit}"]
     (folder / TEXT).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    (folder / PICTURE).write_bytes(encode_plate(scene))
+    (folder / PICTURE).write_bytes(encode_png(scene.plate))
 
 
 EASTERN = SkyModel(eastern_luminance)

@@ -16,13 +16,13 @@ import pytest
 from PIL import Image
 
 from lighting.errors import SceneError
+from lighting.files.deflate import encode_png
 from lighting.files.exr import read_exr
 from lighting.record_json import record_with_coefficients
 from lighting.scene import EXPORTERS, Exporter, blender, mitsuba, unsupported_options
 from lighting.scene.records import Scene
 from lighting.scene.writer import (
     encode_lit_ground,
-    encode_plate,
     fill_template,
     write_scene,
     write_shared_files,
@@ -172,7 +172,7 @@ def test_the_shared_files_hold_plate_map_and_record(tmp_path: Path) -> None:
 
 
 def test_the_plate_is_the_photo() -> None:
-    with Image.open(BytesIO(encode_plate(plain_scene()))) as plate:
+    with Image.open(BytesIO(encode_png(plain_scene().plate))) as plate:
         assert np.array_equal(np.asarray(plate), PLAIN)
 
 
