@@ -1,12 +1,13 @@
 """Tests of metadata."""
 
+from datetime import UTC, timedelta
+
 import numpy as np
 import pytest
 
 from export.evaluation.metadata import (
     OUTLIER_RATE,
     SUBSETS,
-    _simulate_sighting,
     _warning_shares,
     evidence_report,
     in_view_evidence,
@@ -91,10 +92,18 @@ def test_gravity_tells_the_camera_of_crops_that_show_the_sun() -> None:
 
 @pytest.mark.parametrize("elevation", [0.5, 23.0, 71.0])
 def test_the_ephemeris_puts_the_sun_where_it_was_asked_for(elevation: float) -> None:
-    seen = _simulate_sighting(elevation, np.random.default_rng(3))
-    azimuth, height = sun_position(seen.time, seen.latitude, seen.longitude)
-    assert float(height) == pytest.approx(elevation, abs=0.01)
-    assert float(azimuth) == pytest.approx(seen.compass, abs=1e-6)
+    truth = truth_of(1, elevation)
+    for simulated, sun in zip(simulate_metadata(truth, EACH), truth.sun, strict=True):
+        seen = simulated.metadata
+        assert seen.local_time is not None
+        assert seen.utc_offset is not None
+        utc = (seen.local_time - timedelta(hours=seen.utc_offset)).replace(tzinfo=UTC)
+        assert seen.location is not None
+        azimuth, height = sun_position(utc, *seen.location)
+        assert float(height) == pytest.approx(elevation, abs=0.01)
+        assert float(wrap_azimuth(float(azimuth) - simulated.heading - float(angles(sun)[0]))) == pytest.approx(
+            0, abs=1e-6
+        )
 
 
 def test_evidence_of_the_metadata_is_the_panoramas_sun() -> None:

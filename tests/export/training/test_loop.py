@@ -30,13 +30,12 @@ from export.networks.weights import (
     read_network,
     read_record,
     training_history,
-    write_run,
 )
 from export.training.dataset import MAY_CHANGE, Batch, TrainConfig, TrainingCrops
 from export.training.distillation import TeacherEnsemble, add_mirror_images, blend_pictures, blended_shares
 from export.training.loop import _earlier_commits, _learning_rate, _Run, train_network
 from export.training.losses import training_losses
-from export.training.onnx_import import _make_record, _read_onnx_network
+from export.training.onnx_import import unpack_network
 from lighting.errors import LightingError
 
 
@@ -69,11 +68,11 @@ def test_a_run_is_resumed_with_its_own_settings_alone(
 
 
 def test_networks_that_are_no_runs_are_to_be_started_from(
-    config: TrainConfig, trained_network: Path, tmp_path: Path
+    config: TrainConfig, trained_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = tmp_path / "read"
-    network, metadata = _read_onnx_network(trained_network, 0)
-    write_run(read, _make_record(metadata, trained_network, 0), network.state_dict())
+    monkeypatch.setattr("export.training.onnx_import._CROPS", 0)
+    unpack_network(trained_network, 0, replace(config, out=str(read)))
     before = (read / RUN_RECORD).read_bytes()
     with pytest.raises(DataError, match="was read back from a file; give it as --start and choose another --out"):
         train_network(replace(config, out=str(read)))

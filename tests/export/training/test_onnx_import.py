@@ -1,5 +1,6 @@
 """Networks read back from an ONNX file answer as they did, before and after their statistics are restored."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,15 +16,31 @@ from export.data.panoramas import DataError
 from export.networks.onnx_export import write_onnx
 from export.networks.outdoor import Outdoor, build_network, network_specs
 from export.networks.weights import CHECKPOINT, read_network, read_record, training_history, write_run
+from export.training import onnx_import
 from export.training.dataset import TrainConfig
-from export.training.onnx_import import _make_record, _read_onnx_network, _recalibrate_batch_norm, unpack_network
+from export.training.onnx_import import unpack_network
 from lighting.model import packaged_model
 
 ROUNDED = 0.1  # of the largest value: the file's weights are bytes, and these networks have hardly learnt to tell apart
 
 
+@pytest.fixture
+def unpack(config: TrainConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
+    """A function that reads a network back into a new folder, with statistics of a few crops, or of none."""
+
+    def read_back(file: Path, number: int, crops: int = 0) -> Path:
+        monkeypatch.setattr(onnx_import, "_CROPS", crops)
+        out = tmp_path / f"network {number} {crops}"
+        unpack_network(file, number, replace(config, out=str(out)))
+        return out
+
+    return read_back
+
+
 @pytest.mark.usefixtures("small_backbone")
-def test_shared_first_layers_are_found_under_the_other_networks_names(trained: Path, tmp_path: Path) -> None:
+def test_shared_first_layers_are_found_under_the_other_networks_names(
+    trained: Path, tmp_path: Path, unpack: Callable[..., Path]
+) -> None:
     """A network beside a camera's network whose first layers are the same."""
     file, run, camera = (tmp_path / name for name in ("outdoor.onnx", "run", "camera"))
     torch.manual_seed(7)
@@ -36,51 +53,51 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(trained: P
     write_run(run, read_record(trained), weights)
     write_run(camera, read_record(trained), changed)
     write_onnx([run], file, cameras=[camera])
-    network, _ = _read_onnx_network(file, 0)
+    network = read_network(unpack(file, 0))
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
-        expected, answer = read_network(run)(photo), network.eval()(photo)
+        expected, answer = read_network(run)(photo), network(photo)
     assert (answer.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
 
 
-def test_of_the_package_the_convolutional_networks_are_read_back() -> None:
+def test_of_the_package_the_convolutional_networks_are_read_back(unpack: Callable[..., Path]) -> None:
     """The first is a transformer, the second says the sun alone, the third the camera alone."""
     photo = torch.randn(1, 3, 224, 224)
-    (sun, metadata), (camera, _) = (_read_onnx_network(packaged_model(), number) for number in (1, 2))
+    runs = [unpack(packaged_model(), number) for number in (1, 2)]
+    sun, camera = map(read_network, runs)
     with torch.inference_mode():
-        assert sun.eval()(photo).sun.std() > 0.3
-        assert camera.eval()(photo).camera.std() > 1
+        assert sun(photo).sun.std() > 0.3
+        assert camera(photo).camera.std() > 1
     assert sun.around is None
     assert camera.around is None
-    assert (metadata["networks"], "panoramas" in metadata["training_data"]) == ("3", True)
+    assert all("panoramas" in read_record(run)["training_data"] for run in runs)
     with pytest.raises(DataError, match=r"number 0 of \S+ is a transformer"):
-        _read_onnx_network(packaged_model(), 0)
+        unpack(packaged_model(), 0)
     with pytest.raises(DataError, match="no network number 3"):
-        _read_onnx_network(packaged_model(), 3)
+        unpack(packaged_model(), 3)
 
 
-def test_a_network_read_back_answers_as_before(trained: Path, trained_network: Path, tmp_path: Path) -> None:
-    network, metadata = _read_onnx_network(trained_network, 0)
+def test_a_network_read_back_answers_as_before(
+    trained: Path, trained_network: Path, unpack: Callable[..., Path]
+) -> None:
+    run, again = unpack(trained_network, 0), unpack(trained_network, 0, 4)
+    plain, network = read_network(run), read_network(again)
     photo = torch.randn(4, 3, 224, 224)
     with torch.inference_mode():
-        expected, answer = read_network(trained)(photo), network.eval()(photo)
+        expected, answer, with_statistics = (each(photo) for each in (read_network(trained), plain, network))
         assert (answer.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
         assert (answer.raw - expected.raw).abs().max() < ROUNDED * expected.raw.abs().max()
-        _recalibrate_batch_norm(network, [photo])
-        again = network(photo)
-    torch.testing.assert_close(again.sun, answer.sun, rtol=1e-3, atol=1e-4)
+    torch.testing.assert_close(with_statistics.sun, answer.sun, rtol=1e-3, atol=1e-4)
     for module in network.modules():
         if isinstance(module, nn.BatchNorm2d) and module.weight.requires_grad:
             assert module.running_mean is not None
             assert module.running_mean.abs().max() > 0
-    write_run(tmp_path / "run", _make_record(metadata, trained_network, 0), network.state_dict())
-    assert training_history(read_record(tmp_path / "run")) == training_history(read_record(trained))
-    read = read_network(tmp_path / "run")
-    assert isinstance(read, Outdoor)
+    assert training_history(read_record(run)) == training_history(read_record(trained))
+    assert isinstance(network, Outdoor)
     with pytest.raises(DataError, match="already holds a run"):
-        unpack_network(trained_network, 0, TrainConfig("data", "labels.csv", str(tmp_path / "run")))
+        unpack(trained_network, 0)
     with pytest.raises(DataError, match="no network number 1"):
-        _read_onnx_network(trained_network, 1)
+        unpack(trained_network, 1)
 
 
 def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -> None:
@@ -102,7 +119,7 @@ def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -
         (bare, r"does not hold all weights of network number 0: backbone\.\S+ is missing"),
     ):
         with pytest.raises(DataError, match=words):
-            _read_onnx_network(file, 0)
+            unpack_network(file, 0, TrainConfig("data", "labels.csv", str(tmp_path / "run")))
 
 
 def test_a_folder_that_cannot_take_a_run_is_refused_before_the_file_is_read(tmp_path: Path) -> None:
