@@ -56,6 +56,7 @@ _LEFT_OUT = (
     "limpopo_golf_course",  # taken above a pit, whose rim lies all around
     "mfecane_1229",  # a burning sky, which other colors make green
     *("mfecane_1186", "mfecane_1200", "mfecane_1210", "modern_buildings_2"),  # a roof, a pool, a pavilion
+    "horn_koppe_snow",  # the lens's glare stands beside its sun
     "syferfontein_6d_clear",  # gold stones before a low sun, which in other colors are of no place
 )
 _KIND_OF = {  # the others are cities
@@ -73,7 +74,7 @@ _KIND_OF = {  # the others are cities
     "shore": ("mfecane_1180", "small_harbor_01", "sundowner_overlook"),
     "desert": ("drakensberg_solitary_mountain", "kloofendal_overcast"),
     "mountain": ("mfecane_1228",),
-    "snow": ("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01"),
+    "snow": ("snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01"),
 }
 _QUALITY = 60  # of WebP, 0 to 100
 _ROW = np.dtype(
