@@ -189,7 +189,7 @@ class Prediction:
     light: Light | None = None
     """How strong the light is. None: the network says nothing of it."""
     segments: NDArray[np.float32] | None = None
-    """(R, C, K) probabilities, 0 to 1, what the canvas shows, by `SurfaceClass`. None: not predicted."""
+    """(R, C, K) probabilities, 0 to 1, what the canvas shows, by `prediction.SurfaceClass`. None: not predicted."""
 
     @cached_property
     def sun_direction(self) -> Floats:
@@ -234,7 +234,7 @@ class EstimatedLight:
     surroundings: NDArray[np.float32] | None = field(default=None, repr=False)
     """(12, 24, 3) RGB, 0 or more: radiance all around as the network predicts it, zenith first. None: not predicted."""
     segments: NDArray[np.float32] | None = field(default=None, repr=False)
-    """(R, C, K) probabilities, 0 to 1, of what the photo shows, by `SurfaceClass`. None: not sought."""
+    """(R, C, K) probabilities, 0 to 1, of what the photo shows, by `prediction.SurfaceClass`. None: not sought."""
 
     @property
     def evidence(self) -> tuple[str, ...]:
