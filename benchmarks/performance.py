@@ -39,7 +39,7 @@ from lighting.files.exr import COMPRESSIONS, read_exr, set_compression_threads
 from lighting.map_options import MapOptions
 
 SIZE = (1600, 1200)  # of the photos, pixels
-HEIGHTS = (256, 512, 1024, 2048, 4096)  # of maps, rows
+HEIGHTS = (256, 512, 1024, 2048, 4096, 8192)  # of maps, rows
 _MAPS = 4  # of example photos
 CLIENTS = (1, 2, 4, 8, 16, 32, 64)
 

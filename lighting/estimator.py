@@ -243,7 +243,7 @@ def render_lighting(
 
     Args:
         lighting: a record, such as `Lighting.from_dict` returns.
-        height: rows, even, 16 to 4096.
+        height: rows, even, 16 to 8192.
         photo: of which the record is, as `estimate` takes it; the network sees it again. None: without.
         user_input: what was stated of the photo when the record was made.
         options: the other fields of `lighting.MapOptions`: sun, yaw, sky, around, disc, adjustments.

@@ -15,7 +15,8 @@ from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import RANGES, Json, check_range, convert_numpy_numbers, describe_fields
 from lighting.sky import SKY_MODELS, format_sky_models
 
-MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
+MIN_HEIGHT, MAX_HEIGHT = 16, 8192  # rows of an environment map
+MAX_WHOLE_HEIGHT = 4096  # rows, up to which a map is made at once; a taller one by strips, for a file
 EXPOSURE_RANGE = (-20.0, 20.0)  # EV, of an adjustment: the range of RANGES["exposure"] by its middle
 _SUN_AZIMUTH_RANGE = (-360.0, 360.0)  # deg, of an adjustment; records have -180 to 180
 
@@ -157,7 +158,7 @@ class MapOptions:
     height: int = option(
         512, OptionText("rows of the map, even; columns are twice that", "ROWS", (MIN_HEIGHT, MAX_HEIGHT), 512)
     )
-    """Rows of the map, even, 16 to 4096."""
+    """Rows of the map, even, 16 to 8192; of previews, scenes and clips up to 4096."""
     sun: bool | None = option(None, OptionText("paint the sun; by default if it likely shines"))
     """Whether the sun is in the map; True also turns on one that did not shine. None: by `Lighting.sun_painted`."""
     yaw: float = option(
@@ -269,15 +270,16 @@ def around_of_switches(
     return Around.PLACE.value if surroundings else None
 
 
-def check_height(height: int) -> None:
+def check_height(height: int, most: int = MAX_HEIGHT) -> None:
     """Raise ParameterError for what is no number of rows of a map.
 
     Args:
-        height: even, 16 to 4096.
+        height: even, 16 to `most`.
+        most: rows, up to 8192.
     """
     whole = isinstance(height, Integral) and not isinstance(height, bool)
-    if not whole or height % 2 or not MIN_HEIGHT <= height <= MAX_HEIGHT:
-        predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}."
+    if not whole or height % 2 or not MIN_HEIGHT <= height <= most:
+        predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {most}."
         raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE if whole else ErrorCode.WRONG_TYPE)
 
 

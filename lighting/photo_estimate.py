@@ -6,22 +6,28 @@ by `render_map` alone.
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING, Self, Unpack
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, column_blocks
 from lighting.envmap.projection import photo_camera, size_in_envmap
-from lighting.envmap.relighting import adjust_lighting, edit_lighting, edit_photo_light, light_of_map
+from lighting.envmap.relighting import (
+    adjust_lighting,
+    edit_lighting,
+    edit_photo_light,
+    light_of_map,
+    rotate_lighting,
+)
 from lighting.errors import warn_of_old_name
 from lighting.fields import RANGES, check_range, describe_fields
-from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, write_envmap
+from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, join_strips, write_envmap
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
-from lighting.map_options import DEFAULT_MAP, Adjustments, Around, MapKeywords, MapOptions
+from lighting.map_options import DEFAULT_MAP, MAX_WHOLE_HEIGHT, Adjustments, Around, MapKeywords, MapOptions
 from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight
 from lighting.records import Color, Lighting, LightProbe, check_lighting
@@ -39,12 +45,17 @@ if TYPE_CHECKING:
 class RenderedMap:
     """An environment map, the light that it shows, and that light's probe."""
 
-    image: Image
-    """(H, 2H, 3) float32, linear Rec.709, in the photo's linear values."""
+    strips: Callable[[], Iterator[Image]]
+    """Its rows (R, 2H, 3) from the zenith down: all of a map of up to 4096 rows, else a few at a time."""
     lighting: Lighting
     """The light as it was adjusted, turned with the map."""
     probe: LightProbe
     """Of the light and the place."""
+
+    @cached_property
+    def image(self) -> Image:
+        """(H, 2H, 3) float32, linear Rec.709, in the photo's linear values; 1.6 GB of 8192 rows."""
+        return join_strips(self.strips)
 
     def encode(self, options: FileOptions = DEFAULT_FILE) -> bytes:
         """Return the bytes of a file that holds the map; an EXR holds light and probe, too.
@@ -56,7 +67,7 @@ class RenderedMap:
             EnvironmentMapError: the map does not fit the format.
         """
         with trace_step("encode"):
-            return encode_envmap(self.image, self.lighting, options, probe=self.probe)
+            return encode_envmap(self.strips, self.lighting, options, probe=self.probe)
 
     def write(self, path: str | os.PathLike[str], options: FileOptions = DEFAULT_FILE) -> None:
         """Write the map to a file, which it replaces when it is whole.
@@ -70,7 +81,7 @@ class RenderedMap:
             ParameterError: the format does not take the options.
         """
         with trace_step("encode"):
-            write_envmap(path, self.image, self.lighting, options, probe=self.probe)
+            write_envmap(path, self.strips, self.lighting, options, probe=self.probe)
 
 
 def render_map(
@@ -86,7 +97,7 @@ def render_map(
     Raises:
         ParameterError: the light does not fit a map.
     """
-    from lighting.envmap.surroundings import render_view
+    from lighting.envmap.surroundings import render_strips, render_view
     from lighting.light_probe import compute_light_probe
 
     light = light_of_map(lighting, options)
@@ -94,8 +105,12 @@ def render_map(
         probe = compute_light_probe(light, context, sun=options.sun, yaw=options.yaw)
         if len(column_blocks(options.height)) > 1:  # which takes hundreds of megabytes
             return_memory()
-        view = render_view(light, options.height, sun=options.sun, yaw=options.yaw, context=context, disc=options.disc)
-    return RenderedMap(*view, probe)
+        values: Any = {"sun": options.sun, "yaw": options.yaw, "context": context, "disc": options.disc}
+        if options.height > MAX_WHOLE_HEIGHT:
+            strips = partial(render_strips, light, options.height, **values)
+            return RenderedMap(strips, rotate_lighting(light, options.yaw) if options.yaw else light, probe)
+        image, shown = render_view(light, options.height, **values)
+    return RenderedMap(lambda: iter((image,)), shown, probe)
 
 
 describe_fields(RenderedMap)
@@ -193,7 +208,7 @@ class Estimate(EstimatedLight):
         """Render the environment map (height, 2 height, 3) in linear Rec.709, in the photo's linear values.
 
         Args:
-            height: rows of the map, even, 16 to 4096.
+            height: rows of the map, even, 16 to 8192.
             options: the other fields of `lighting.MapOptions`: sun, yaw, sky, around, backdrop, disc, adjustments.
 
         Raises:

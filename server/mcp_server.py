@@ -228,9 +228,9 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
         def write(estimate: Estimate) -> CallToolResult:
             rendered = estimate.render(options.view())
             rendered.write(target, file)
-            height, width = rendered.image.shape[:2]
+            height = options.view().height
             lighting = _record(rendered.lighting)
-            return _answer({"file": str(target), "width": width, "height": height, "lighting": lighting})
+            return _answer({"file": str(target), "width": 2 * height, "height": height, "lighting": lighting})
 
         return await work(ctx, photo, options, write)
 

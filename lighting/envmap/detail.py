@@ -63,10 +63,10 @@ _BRIGHTEST = 1.15  # times the brightest cell of the sky, which no other part ex
 class _MapDetail:
     """The library's detail, calm around the sun. It is made in blocks of columns, and that of a small map kept."""
 
-    def __init__(self, library: LibraryDetail, sun_angle: Floats | None, tint: Image) -> None:
+    def __init__(self, library: LibraryDetail, calm: Image | None, tint: Image) -> None:
         self._library = library
-        self._tint = np.concatenate([tint, np.ones_like(tint)]) - 1
-        self._calm = None if sun_angle is None else _share_off_sun(sun_angle, _SUN_DEG)
+        self._tint = tint
+        self._calm = calm
         self._calmed = slice(0)  # rows of the map around the sun
         if self._calm is not None:
             rows = np.flatnonzero((self._calm < 1).any(axis=(1, 2)))
@@ -74,19 +74,30 @@ class _MapDetail:
         self._ceiling: Image | None = None
         self._limited = slice(0)  # rows of the map where the ceiling is low
         self._blocks = column_blocks(library.height)
-        self._whole = self._make(self._blocks[0]) if len(self._blocks) == 1 else None
+        self._whole = self._make(self._blocks[0], 0, library.height) if len(self._blocks) == 1 else None
+
+    def taller(self, height: int) -> "_MapDetail":
+        """The same of a map of more rows."""
+        taller = _MapDetail(self._library.taller(height), self._calm, self._tint)
+        if self._ceiling is not None:
+            taller.limit(self._ceiling)
+        return taller
 
     def means(self, rows: int) -> Image:
         """The detail's means (R, 2R, 3) in cells of some rows."""
         if self._whole is not None:
             return shrink_envmap(self._whole, rows)
-        blocks = [shrink_axis(self._make(columns), 0, rows) for columns in self._blocks]
+        height = self._library.height
+        blocks = [shrink_axis(self._make(columns, 0, height), 0, rows) for columns in self._blocks]
         return shrink_axis(np.concatenate(blocks, axis=1), 1, 2 * rows)
 
-    def multiply(self, image: Image) -> None:
-        """Give a map (H, 2H, 3) the detail."""
-        for columns in self._blocks:
-            image[:, columns] *= self._make(columns) if self._whole is None else self._whole
+    def multiply(self, image: Image, first: int = 0) -> None:
+        """Give rows (R, 2H, 3) of a map, from a first one on, the detail."""
+        if self._whole is not None:
+            image *= self._whole[first : first + len(image)]
+            return
+        for columns in column_blocks(self._library.height, len(image)):
+            image[:, columns] *= self._make(columns, first, len(image))
 
     def limit(self, ceiling: Image) -> bool:
         """Bring the sky's detail under cells (R, 2R, 3), which are the sky over its mirror image; False if it is."""
@@ -95,22 +106,23 @@ class _MapDetail:
             self._ceiling = ceiling
             self._limited = _rows_between(rows, self._library.height // 2, len(ceiling) // 2)
             if self._whole is not None:
-                self._darken(self._whole, self._blocks[0])
+                self._darken(self._whole, self._blocks[0], 0)
         return bool(rows.size)
 
-    def _make(self, columns: slice) -> Image:
-        """Some columns (H, C, 3), some rows at a time, so that they stay in the processor's cache."""
+    def _make(self, columns: slice, first: int, count: int) -> Image:
+        """Some columns (R, C, 3) of R rows, a few at a time, so that they stay in the processor's cache."""
         height = self._library.height
-        detail = np.empty((height, columns.stop - columns.start, 3), np.float32)
+        detail = np.empty((count, columns.stop - columns.start, 3), np.float32)
         tint = widen_cells(self._tint, 2 * height, columns)
         calm = None if self._calm is None else widen_cells(self._calm, 2 * height, columns)
         gains = widen_cells(self._library.gains, 2 * height, columns)
-        pixels = np.ascontiguousarray(self._library.pixels(columns)).reshape(height, -1).view(np.uint16)
-        flat, pairs = detail.reshape(height, -1), _light_pairs()
-        for band, near, shares in cell_bands(height, DETAIL_ROWS):
-            pairs.take(pixels[band], out=flat[band].view(np.uint64), mode="clip")  # which needs no copy
-            flat[band] *= shares @ gains[near]
-            part = detail[band]
+        pixels = np.ascontiguousarray(self._library.pixels(columns, first, count)).reshape(count, -1).view(np.uint16)
+        flat, pairs = detail.reshape(count, -1), _light_pairs()
+        for band, near, shares in cell_bands(height, DETAIL_ROWS, first, count):
+            here = slice(band.start - first, band.stop - first)
+            pairs.take(pixels[here], out=flat[here].view(np.uint64), mode="clip")  # which needs no copy
+            flat[here] *= shares @ gains[near]
+            part = detail[here]
             if band.start < height // 2:
                 _color_dark(part, (shares @ tint[near]).reshape(part.shape))
             if calm is not None and (rows := _common_rows(band, self._calmed)):
@@ -120,16 +132,17 @@ class _MapDetail:
                 around_sun += 1
             np.clip(part, *_DETAIL_RANGE, out=part)
         if self._ceiling is not None:
-            self._darken(detail, columns)
+            self._darken(detail, columns, first)
         return detail
 
-    def _darken(self, detail: Image, columns: slice) -> None:
-        """Bring some columns (H, C, 3) under the ceiling, where it is low."""
+    def _darken(self, detail: Image, columns: slice, first: int) -> None:
+        """Bring some columns (R, C, 3), from a first row on, under the ceiling, where it is low."""
         assert self._ceiling is not None
-        ceiling = widen_cells(self._ceiling, 2 * len(detail), columns)
-        for band, near, shares in cell_bands(len(detail), DETAIL_ROWS):
+        height = self._library.height
+        ceiling = widen_cells(self._ceiling, 2 * height, columns)
+        for band, near, shares in cell_bands(height, DETAIL_ROWS, first, len(detail)):
             if rows := _common_rows(band, self._limited):
-                sky = detail[band][rows]
+                sky = detail[band.start - first : band.stop - first][rows]
                 np.minimum(sky, (shares[rows] @ ceiling[near]).reshape(sky.shape), out=sky)
 
 
@@ -142,6 +155,36 @@ def _light_pairs() -> NDArray[np.uint64]:
     return pairs
 
 
+@dataclass(frozen=True, eq=False)
+class AddedDetail:
+    """What `add_detail` gives a map, for any of its rows, also where it has more of them."""
+
+    _detail: _MapDetail
+    _gains: Image
+
+    def multiply(self, image: Image, first: int = 0) -> None:
+        """Give rows of one half of a map, or all, the detail.
+
+        Args:
+            image: (R, 2H, 3), changed in place.
+            first: of the map's rows that they are.
+        """
+        self._detail.multiply(image, first)
+        half = image.shape[1] // 4
+        for start, cells in zip((0, half), np.split(self._gains, 2), strict=True):
+            top, bottom = max(first, start), min(first + len(image), start + half)
+            if top < bottom:
+                multiply_cells(image[top - first : bottom - first], cells, top - start, half)
+
+    def taller(self, height: int) -> "AddedDetail":
+        """Return the same for a map of more rows.
+
+        Args:
+            height: rows.
+        """
+        return AddedDetail(self._detail.taller(height), self._gains)
+
+
 def add_detail(
     image: Image,
     library: LibraryDetail,
@@ -150,8 +193,8 @@ def add_detail(
     segments: Segments | None,
     projection: PhotoProjection,
     gain: float,
-) -> None:
-    """Give a coarse map detail; its light stays where the photo will not be laid over it.
+) -> AddedDetail:
+    """Give a coarse map detail, which is returned; its light stays where the photo will not be laid over it.
 
     Args:
         image: (H, 2H, 3) linear, MIN_ROWS rows at least, without photo and disc, changed in place.
@@ -174,13 +217,15 @@ def add_detail(
     blurred = np.exp(smoothing if sun_angle is None else smoothing * _share_off_sun(sun_angle, _GLOW_DEG))
     level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
     open_share = (1 - rim.covered * (1 - rim.clipped)) * level
-    detail = _MapDetail(library, sun_angle, _own_tint(before, library.color))
+    calm = None if sun_angle is None else _share_off_sun(sun_angle, _SUN_DEG)
+    tint = _own_tint(before, library.color)
+    detail = _MapDetail(library, calm, np.concatenate([tint, np.ones_like(tint)]) - 1)
     fine_cells = fine_before * detail.means(rows)
     cells = _pool(fine_cells, DETAIL_ROWS)
     gains = blurred * _light_gains(before, cells * blurred, open_share)
     lit = cells * gains
-    if sun_angle is not None:
-        gains **= _share_off_sun(sun_angle, _SUN_DEG)  # the glow stays as bright as it was, as its detail has none
+    if calm is not None:
+        gains **= calm  # the glow stays as bright as it was, as its detail has none
     gains *= _hand_over(lit, rim, _HAND_OVER_DEG[0])
     if detail.limit(_detail_ceiling(before * gains, _sky_limit(before, open_share, sun_angle))):
         fine_cells = fine_before * detail.means(rows)
@@ -191,8 +236,9 @@ def add_detail(
     fine_gains = np.ones_like(fine_cells)
     list(map(multiply_cells, np.split(fine_gains, 2), np.split(gains, 2)))
     fine_gains *= _hand_over(fine_cells * fine_gains, fine, *_BAND_DEG)
-    detail.multiply(image)
-    list(map(multiply_cells, np.split(image, 2), np.split(fine_gains, 2)))
+    added = AddedDetail(detail, fine_gains)
+    added.multiply(image)
+    return added
 
 
 @lru_cache(maxsize=1)

@@ -11,9 +11,11 @@ shores for photos of water.
 
 import io
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -491,22 +493,26 @@ class _DetailPicture:
     rotation: int
     """Columns of the map by which it is rotated to the right, 0 to 2H."""
 
-    def columns(self, columns: slice) -> NDArray[np.uint8]:
-        """Some columns (H, C, 3) of the map.
+    def columns(self, columns: slice, rows: slice | None = None) -> NDArray[np.uint8]:
+        """Some columns (R, C, 3) of the map.
 
         Args:
             columns: of the map.
+            rows: of the map; None: all.
         """
+        rows = slice(0, self.height) if rows is None else rows
         start, stop, width = columns.start - self.rotation, columns.stop - self.rotation, 2 * self.height
         if start < 0 < stop:
-            return np.concatenate([self._part(start + width, width), self._part(0, stop)], axis=1)
-        return self._part(start + width, stop + width) if start < 0 else self._part(start, stop)
+            return np.concatenate([self._part(start + width, width, rows), self._part(0, stop, rows)], axis=1)
+        return self._part(start + width, stop + width, rows) if start < 0 else self._part(start, stop, rows)
 
-    def _part(self, start: int, stop: int) -> NDArray[np.uint8]:
-        """Some columns (H, C, 3), counted before it is rotated."""
-        rows = self.picture.height
-        part = self.picture.crop((start, 0, stop, rows))
-        return np.asarray(part.resize((part.width, self.height), _kernel(rows, self.height)))
+    def _part(self, start: int, stop: int, rows: slice) -> NDArray[np.uint8]:
+        """Some columns (R, C, 3), counted before it is rotated, of some rows of the map."""
+        count = self.picture.height
+        part = self.picture.crop((start, 0, stop, count))
+        top, bottom = (row * count / self.height for row in (rows.start, rows.stop))
+        size = part.width, rows.stop - rows.start
+        return np.asarray(part.resize(size, _kernel(count, self.height), (0, top, part.width, bottom)))
 
 
 def _detail_picture(
@@ -545,22 +551,38 @@ class LibraryDetail:
 
     def __init__(self, source: DetailSource, height: int) -> None:
         self.height, blocks = height, column_blocks(height)
+        self._source = source
         self._picture = _detail_picture(source.choice, height, source.saturation)
         self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
-        reduced = np.concatenate([_reduce(self.pixels(part), height, part) for part in blocks], axis=1)
+        reduced = np.concatenate([_reduce(self.pixels(part, 0, height), height, part) for part in blocks], axis=1)
         coarse = _coarse_colors(reduced)
         self.gains = np.exp(-coarse)
         """(R, 2R, 3) factors that take what is coarse out of it."""
         self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
         """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
 
-    def pixels(self, columns: slice) -> NDArray[np.uint8]:
-        """Some columns (H, C, 3) of the panorama, sRGB.
+    def taller(self, height: int) -> Self:
+        """Return the same of a map of more rows.
+
+        Args:
+            height: rows.
+        """
+        taller = copy(self)
+        taller.height = height
+        taller._picture = _detail_picture(self._source.choice, height, self._source.saturation)
+        taller._kept = None
+        return taller
+
+    def pixels(self, columns: slice, first: int, count: int) -> NDArray[np.uint8]:
+        """Some columns (R, C, 3) of the panorama, sRGB.
 
         Args:
             columns: of a map of as many rows.
+            first: of its rows.
+            count: of them, R.
         """
-        return self._picture.columns(columns) if self._kept is None else self._kept[:, columns]
+        rows = slice(first, first + count)
+        return self._picture.columns(columns, rows) if self._kept is None else self._kept[rows, columns]
 
 
 def _coarse_colors(picture: NDArray[np.uint8]) -> Image:

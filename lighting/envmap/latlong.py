@@ -41,14 +41,15 @@ def row_irradiance(height: int) -> Floats:
     return irradiance
 
 
-def column_blocks(height: int) -> list[slice]:
+def column_blocks(height: int, rows: int | None = None) -> list[slice]:
     """The columns of a map in blocks, so that what is computed of each takes little memory.
 
     Args:
         height: rows of the map.
+        rows: of a strip of the map; None: all.
     """
     width = 2 * height
-    most = min(_BLOCK_PIXELS // height, width)
+    most = min(_BLOCK_PIXELS // (rows or height), width)
     step = width if most == width else max(most // _BLOCK_STEP, 1) * _BLOCK_STEP
     return [slice(start, min(start + step, width)) for start in range(0, width, step)]
 
@@ -226,18 +227,7 @@ def scale_colors(image: Image, gain: Floats, columns: slice | None = None) -> No
     rows *= np.tile(np.asarray(gain, dtype=np.float32), rows.shape[1] // 3)
 
 
-def set_irradiance(levels: Floats, rows: Image, irradiance: Floats) -> None:
-    """Give some rows of a map an irradiance of level ground, by a factor on each channel.
-
-    Args:
-        levels: (R,) the `row_irradiance` of these rows.
-        rows: (R, W, 3) linear radiance, contiguous in memory, changed in place.
-        irradiance: (3,).
-    """
-    scale_colors(rows, irradiance / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE))
-
-
-def multiply_cells(image: Image, cells: Image) -> None:
+def multiply_cells(image: Image, cells: Image, first: int = 0, height: int | None = None) -> None:
     """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centres.
 
     Columns wrap and rows end. A few rows at once lie between few rows of cells, and only those count for them.
@@ -245,11 +235,13 @@ def multiply_cells(image: Image, cells: Image) -> None:
     Args:
         image: changed in place.
         cells: factors on a grid of the same directions.
+        first: of the rows of the cells' directions that the image has.
+        height: rows of the map in the cells' directions; None: the image has all of them.
     """
-    height, width = image.shape[:2]
+    rows, width = image.shape[:2]
     wide = widen_cells(cells, width, slice(0, width))
-    flat = image.reshape(height, -1)
-    for band, near, shares in _interpolation_bands(height, len(cells), False, 0, height):
+    flat = image.reshape(rows, -1)
+    for band, near, shares in _interpolation_bands(height or rows, len(cells), False, first, first + rows):
         flat[band] *= shares @ wide[near]
 
 
@@ -267,7 +259,9 @@ def widen_cells(cells: Image, width: int, columns: slice) -> Image:
     return wide.reshape(len(cells), -1)
 
 
-def cell_bands(height: int, rows: int) -> list[tuple[slice, slice, NDArray[np.float32]]]:
+def cell_bands(
+    height: int, rows: int, first: int = 0, count: int | None = None
+) -> list[tuple[slice, slice, NDArray[np.float32]]]:
     """Bands of few rows of a map, none on both sides of its horizon, that lie between few rows of cells.
 
     Each has its rows, the rows of cells that count for it, and their shares (band, cells) in its rows.
@@ -275,12 +269,16 @@ def cell_bands(height: int, rows: int) -> list[tuple[slice, slice, NDArray[np.fl
     Args:
         height: rows of the map.
         rows: of the cells.
+        first: of the map's rows that count, a multiple of a band's rows from the horizon or the top.
+        count: of these rows; None: all.
     """
-    middle = height // 2
-    lower = _interpolation_bands(height, rows, False, middle, height)
+    middle, end = height // 2, height if count is None else first + count
+    halves = ((max(first, start), min(end, stop)) for start, stop in ((0, middle), (middle, height)))
     return [
-        *_interpolation_bands(height, rows, False, 0, middle),
-        *((slice(band.start + middle, band.stop + middle), near, shares) for band, near, shares in lower),
+        (slice(band.start + start, band.stop + start), near, shares)
+        for start, stop in halves
+        if start < stop
+        for band, near, shares in _interpolation_bands(height, rows, False, start, stop)
     ]
 
 

@@ -15,7 +15,6 @@ from lighting.envmap.latlong import (
     irradiance_from_rows,
     row_irradiance,
     scale_colors,
-    set_irradiance,
     shrink_axis,
 )
 from lighting.geometry import Floats, Pinhole
@@ -56,17 +55,27 @@ class ProjectedPhoto:
         clipped = red | green | blue
         return clipped[..., None].repeat(3, axis=2) if clipped.any() else None
 
-    def over(self, image: Image, gain: float) -> Image:
+    def over(self, window: Image, gain: float) -> Image:
         """Its linear values (R, C, 3) times a gain. Where it is clipped and the map brighter, the map's value counts.
 
         Args:
-            image: (H, 2H, 3) the map.
+            window: (R, C, 3) the map there.
             gain: over 0.
         """
         linear = self.linear * np.float32(gain)
         if self.clipped is not None:
-            np.maximum(linear, image[self.rows, self.columns], out=linear, where=self.clipped)
+            np.maximum(linear, window, out=linear, where=self.clipped)
         return linear
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoScale:
+    """What a half of a map is multiplied with so that it keeps its irradiance with a photo over it."""
+
+    rest: Floats
+    """(3,) of what the photo leaves open."""
+    whole: Floats | None
+    """(3,) of all, afterwards. None: 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,42 +95,58 @@ class PhotoProjection:
     blocks: list[slice]
     """Of the map's columns, in which its pixels are found; one of a small map."""
 
-    def lay(self, image: Image, half: slice, irradiance: Floats, gain: float, *, shown: bool = True) -> None:
-        """Lay it times a gain over one half of a map, and scale what it leaves open.
+    def measure(self, image: Image, half: slice, irradiance: Floats, gain: float, *, shown: bool = True) -> PhotoScale:
+        """Find by what one half of a map is scaled when it is laid over it.
 
         Args:
-            image: (H, 2H, 3) the map, changed in place.
+            image: (H, 2H, 3) the map.
             half: rows of the map, above or below the horizon.
             irradiance: (3,) of level ground by this half, which it then has.
             gain: of the photo, over 0.
             shown: False leaves it out, but the rest is as bright as with it.
         """
         levels = row_irradiance(self.height)
+        now = irradiance_from_rows(levels[half], image[half])
         if not self._reaches(half):
-            set_irradiance(levels[half], image[half], irradiance)
-            return
-        before = irradiance_from_rows(levels[half], image[half])
+            return PhotoScale(irradiance / np.maximum(now, EPSILON_IRRADIANCE), None)
         by_photo, behind = np.zeros(3), np.zeros(3)  # as were all columns one
         for columns in self.blocks:
             if (part := self.block(columns, half)) is not None:
                 level = np.asarray(levels[part.rows], dtype=np.float32)[:, None, None] * part.channel_weight
-                by_photo += _sum_product(level, part.over(image, gain))
-                behind += _sum_product(level, image[part.rows, part.columns])
-        added, hidden = by_photo / image.shape[1], behind / image.shape[1]
-        left = before - hidden
-        rest = np.clip((irradiance - added) / np.maximum(left, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
-        for columns in self.blocks:
-            part = self.block(columns, half)
-            linear = part.over(image, gain) if part is not None and shown else None
-            scale_colors(image[half], rest, columns)
-            if part is not None and linear is not None:
                 window = image[part.rows, part.columns]
-                linear -= window
-                linear *= part.channel_weight
-                window += linear
+                by_photo += _sum_product(level, part.over(window, gain))
+                behind += _sum_product(level, window)
+        added, hidden = by_photo / image.shape[1], behind / image.shape[1]
+        left = now - hidden
+        rest = np.clip((irradiance - added) / np.maximum(left, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
         reached = rest * left + added
         if shown and np.any(np.abs(reached - irradiance) > _IRRADIANCE_TOLERANCE * irradiance):
-            scale_colors(image[half], irradiance / np.maximum(reached, EPSILON_IRRADIANCE))
+            return PhotoScale(rest, irradiance / np.maximum(reached, EPSILON_IRRADIANCE))
+        return PhotoScale(rest, None)
+
+    def lay(self, image: Image, rows: slice, scale: PhotoScale, gain: float, *, shown: bool = True) -> None:
+        """Lay it times a gain over some rows of one half of a map, and scale what it leaves open.
+
+        Args:
+            image: (R, 2H, 3) these rows, changed in place.
+            rows: of the map.
+            scale: as `measure` finds it.
+            gain: of the photo, over 0.
+            shown: False leaves it out, but the rest is as bright as with it.
+        """
+        for columns in self.blocks if self._reaches(rows) else [slice(0, image.shape[1])]:
+            part = self.block(columns, rows) if shown else None
+            if part is None:
+                scale_colors(image, scale.rest, columns)
+                continue
+            window = image[part.rows.start - rows.start : part.rows.stop - rows.start, part.columns]
+            linear = part.over(window, gain)
+            scale_colors(image, scale.rest, columns)
+            linear -= window
+            linear *= part.channel_weight
+            window += linear
+        if scale.whole is not None:
+            scale_colors(image, scale.whole)
 
     def _reaches(self, rows: slice) -> bool:
         """Whether it lies in some rows of the map."""
@@ -137,7 +162,7 @@ class PhotoProjection:
         rows = self.rows if rows is None else rows
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
         left, right = max(self.columns.start, columns.start), min(self.columns.stop, columns.stop)
-        if left >= right:
+        if left >= right or top >= bottom:
             return None
         if len(self.blocks) > 1:
             return self._pixels(slice(top, bottom), slice(left, right))
@@ -201,13 +226,16 @@ def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
     return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
 
 
-def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> PhotoProjection:
+def project_photo(
+    lighting: Lighting, photo: NDArray[np.uint8], height: int, strip: int | None = None
+) -> PhotoProjection:
     """A photo in the pixels of a map; it reaches none where it is under a few degrees wide.
 
     Args:
         lighting: with the photo's camera.
         photo: (h, w, 3) sRGB.
         height: rows of the map.
+        strip: rows of it that are made at once; None: all.
     """
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     width, rows = size_in_envmap(camera, height)
@@ -215,7 +243,7 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
     x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
     inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false for NaN
     window = geometry.pixel_window(inside, height, 2 * height) or (slice(0, 0), slice(0, 0))
-    blocks = column_blocks(height)
+    blocks = column_blocks(height, strip)
     picture = _resize_photo(photo, (width, rows))
     return PhotoProjection(*window, height, picture, camera, blocks)
 

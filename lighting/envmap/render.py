@@ -25,7 +25,6 @@ from lighting.envmap.latlong import (
     irradiance_from_rows,
     row_irradiance,
     scale_colors,
-    set_irradiance,
 )
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import (
@@ -38,7 +37,7 @@ from lighting.geometry import (
     latlong_directions,
     latlong_solid_angle,
 )
-from lighting.map_options import check_height
+from lighting.map_options import MAX_WHOLE_HEIGHT, check_height
 from lighting.records import GROUND_REFLECTANCE, Lighting, check_lighting
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, Weather, sky_shape
 from lighting.sky.clear_sky import LUX, sky_gradation, sky_lobe, sky_parameters, sun_disc_points, sun_disc_radiance
@@ -76,25 +75,65 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
         sun: whether the sun is in the map; None: by `Lighting.sun_painted`.
         disc: False leaves the disc for a light of its own; the sun still lights the ground.
     """
-    check_height(height)
-    check_lighting(lighting)
-    painted, sky = lighting.sun_painted if sun is None else sun, lighting.map_sky
-    image = np.empty((height, 2 * height, 3), dtype=np.float32)
-    upper, lower = image[: height // 2], image[height // 2 :]
-    by_model = lighting.sky_irradiance is None and sky == SKY_MODEL  # others have no unit of their own
-    level = sky_irradiance(lighting)
-    if by_model:
-        _render_clear_sky(upper, lighting)
-    else:
-        _render_mixed_sky(upper, lighting, sky, level)
-    if painted:
-        level = level + sun_light(lighting)[1]
-    lower[0] = ground_reflectance(lighting) / math.pi * level
-    lower[1:] = lower[0]  # copying whole rows is fastest
-    cap_map(image, lighting)
-    if painted and disc:
+    image, _ = render_bare(lighting, height, sun=sun)
+    if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)
     return image
+
+
+def render_bare(lighting: Lighting, height: int, *, sun: bool | None = None) -> tuple[Image, Floats | None]:
+    """`render` without the disc, and the `gain` (3,) with which `render_rows` renders its rows.
+
+    Args:
+        lighting: as there.
+        height: as there.
+        sun: as there.
+    """
+    check_height(height, MAX_WHOLE_HEIGHT)
+    check_lighting(lighting)
+    image = np.empty((height, 2 * height, 3), dtype=np.float32)
+    upper, lower = image[: height // 2], image[height // 2 :]
+    gain = _render_sky(upper, 0, lighting, None)
+    _render_ground(lower, lighting, sun)
+    cap_map(image, lighting)
+    return image, gain
+
+
+def render_rows(
+    rows: Image, first: int, lighting: Lighting, *, sun: bool | None = None, gain: Floats | None = None
+) -> None:
+    """Render some rows of one half of a map, without the disc.
+
+    Args:
+        rows: (R, 2H, 3) filled with them.
+        first: of the map's rows that they are.
+        lighting: of the map. So much light that the map must be capped is a ParameterError.
+        sun: as in `render`.
+        gain: of a sky without a unit of its own, as `render_bare` finds it.
+    """
+    if _may_be_capped(lighting):
+        raise _too_bright()
+    if first < rows.shape[1] // 4:
+        _render_sky(rows, first, lighting, gain)
+    else:
+        _render_ground(rows, lighting, sun)
+
+
+def _render_sky(rows: Image, first: int, lighting: Lighting, gain: Floats | None) -> Floats | None:
+    """Render rows (R, 2H, 3) of the sky from `first` on; without a gain all, of which it is found and returned."""
+    sky, level = lighting.map_sky, sky_irradiance(lighting)
+    if lighting.sky_irradiance is None and sky == SKY_MODEL:  # others have no unit of their own
+        _render_clear_sky(rows, first, lighting)
+        return None
+    return _render_mixed_sky(rows, first, lighting, sky, level, gain)
+
+
+def _render_ground(rows: Image, lighting: Lighting, sun: bool | None) -> None:
+    level = sky_irradiance(lighting)
+    if lighting.sun_painted if sun is None else sun:
+        level = level + sun_light(lighting)[1]
+    rows[0] = ground_reflectance(lighting) / math.pi * level
+    rows[1:] = rows[0]  # copying whole rows is fastest
 
 
 def add_sun(image: Image, lighting: Lighting) -> None:
@@ -104,14 +143,29 @@ def add_sun(image: Image, lighting: Lighting) -> None:
         image: (H, 2H, 3), changed in place.
         lighting: of the map.
     """
+    if lighting.sun_elevation >= 0:
+        sun_in_map(image, lighting, len(image))(image, 0)
+
+
+def sun_in_map(background: Image, lighting: Lighting, height: int) -> Callable[[Image, int], None]:
+    """Return a function that adds the sun, above the horizon, to rows (R, 2H, 3) of a map from a first one on.
+
+    Args:
+        background: (h, 2h, 3) the map without it, perhaps of fewer rows.
+        lighting: of the map.
+        height: rows of the map, H.
+    """
     power, glow = sun_light(lighting)[0], SKY_MODELS[lighting.map_sky].sun_glow
-    if lighting.sun_elevation < 0:
-        return
-    if glow is None:
-        _splat_sun_disc(image, lighting, power)
-    else:
-        upper = image[: len(image) // 2]
-        _add_sun_glow(upper, glow(latlong_directions(len(image))[: len(upper)], lighting.sun_direction), power)
+    if glow is not None:
+        return _sun_glow(background, lighting, glow, power)
+    pixels, added = _sun_disc_pixels(background, lighting, power, height)
+
+    def add(rows: Image, first: int) -> None:
+        start, size = first * rows.shape[1], len(rows) * rows.shape[1]
+        inside = (pixels >= start) & (pixels < start + size)
+        rows.reshape(-1, 3)[pixels[inside] - start] += np.asarray(added[inside], dtype=np.float32)
+
+    return add
 
 
 def cap_map(image: Image, lighting: Lighting) -> None:
@@ -124,11 +178,15 @@ def cap_map(image: Image, lighting: Lighting) -> None:
     Raises:
         ParameterError: so much light does not fit.
     """
-    if level_irradiance(lighting).max() * _MAX_PEAK <= MAX_RADIANCE:
+    if not _may_be_capped(lighting):
         return
     half, levels = len(image) // 2, row_irradiance(len(image))
     for rows in (slice(0, half), slice(half, None)):
         _cap_radiance(levels[rows], image[rows])
+
+
+def _may_be_capped(lighting: Lighting) -> bool:
+    return bool(level_irradiance(lighting).max() * _MAX_PEAK > MAX_RADIANCE)
 
 
 def sky_irradiance(lighting: Lighting) -> Floats:
@@ -179,39 +237,58 @@ def with_irradiance(lighting: Lighting) -> Lighting:
     )
 
 
-def _render_mixed_sky(upper: Image, lighting: Lighting, sky: str, irradiance: Floats) -> None:
-    """Fill the upper half (H / 2, 2H, 3) of a map whose horizontal irradiance is then (3,), without the sun's disc.
+def _render_mixed_sky(
+    image: Image, first: int, lighting: Lighting, sky: str, irradiance: Floats, gain: Floats | None
+) -> Floats | None:
+    """Fill rows (R, 2H, 3) of the sky, whose irradiance of level ground is then (3,), and return the gain (3,).
 
     The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
     """
-    cover = lighting.sky_cover or 0.0
+    cover, height = lighting.sky_cover or 0.0, image.shape[1] // 2
+    overcast = _overcast_rows(height // 2)[first : first + len(image)]
     if cover >= 1:
-        upper[:] = _overcast_rows(len(upper)) * np.asarray(irradiance, dtype=np.float32)
-        return
-    _render_sky_shape(upper, lighting, sky)
-    overcast = _overcast_rows(len(upper))[:, 0]
-    set_irradiance(row_irradiance(2 * len(upper))[: len(upper)], upper, (1 - cover) * irradiance)
+        image[:] = overcast * np.asarray(irradiance, dtype=np.float32)
+        return None
+    _render_sky_shape(image, first, lighting, sky)
+    if gain is None:
+        reached = irradiance_from_rows(row_irradiance(height)[: len(image)], image)
+        gain = (1 - cover) * irradiance / np.maximum(reached, EPSILON_IRRADIANCE)
+    scale_colors(image, gain)
     if cover > 0:
-        added = np.tile(np.asarray(cover * irradiance, dtype=np.float32), upper.shape[1])  # as in `scale_colors`
-        flat, rows = upper.reshape(len(upper), -1), max(1, _CHUNK_PIXELS // added.size)
+        added = np.tile(np.asarray(cover * irradiance, dtype=np.float32), image.shape[1])  # as in `scale_colors`
+        flat, rows = image.reshape(len(image), -1), max(1, _CHUNK_PIXELS // added.size)
         for start in range(0, len(flat), rows):
-            flat[start : start + rows] += overcast[start : start + rows] * added
+            flat[start : start + rows] += overcast[start : start + rows, 0] * added
+    return gain
 
 
-def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
-    """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,).
+def _sun_glow(
+    background: Image, lighting: Lighting, shape: Callable[[Floats, Floats], Floats], power: Floats
+) -> Callable[[Image, int], None]:
+    """A function that adds a glow to rows (R, 2H, 3) of a map so that its radiance x solid angle is (3,).
 
     Where that would be over MAX_RADIANCE, its peak is flattened as far as it must be.
     """
-    weight = latlong_solid_angle(2 * len(upper))[: len(upper)]
+    upper = background[: len(background) // 2]
+    weight = latlong_solid_angle(len(background))[: len(upper)]
+    glow = shape(latlong_directions(len(background))[: len(upper)], lighting.sun_direction)
     for _ in range(_GLOW_STEPS):
         total = max(float(weight @ glow.sum(axis=1)), EPSILON_IRRADIANCE)
         peak = glow >= _PEAK_SHARE * glow.max()
         if (upper[peak] + glow[peak][:, None] * (power / total)).max() <= MAX_RADIANCE:
-            upper += np.asarray(glow[..., None] * (power / total), dtype=np.float32)
-            return
+            limit, gain = glow.max(), power / total
+            break
         glow = np.minimum(glow, _PEAK_SHARE * glow.max())
-    raise _too_bright()
+    else:
+        raise _too_bright()
+
+    def add(rows: Image, first: int) -> None:
+        azimuth, elevation = latlong_angles(rows.shape[1] // 2)
+        sky = rows[: max(rows.shape[1] // 4 - first, 0)]
+        part = direction(azimuth, elevation[first : first + len(sky), None])
+        sky += np.asarray(np.minimum(shape(part, lighting.sun_direction), limit)[..., None] * gain, dtype=np.float32)
+
+    return add
 
 
 def _overcast_rows(rows: int) -> Image:
@@ -221,20 +298,21 @@ def _overcast_rows(rows: int) -> Image:
     return np.asarray(radiance / (row_irradiance(2 * rows)[:rows] @ radiance), dtype=np.float32)[:, None, None]
 
 
-def _render_sky_shape(upper: Image, lighting: Lighting, sky: str) -> None:
-    """Fill the upper half with the radiance of one of SKY_MODELS at any scale."""
+def _render_sky_shape(image: Image, first: int, lighting: Lighting, sky: str) -> None:
+    """Fill rows (R, 2H, 3) of the sky with the radiance of one of SKY_MODELS at any scale."""
     if sky == SKY_MODEL:
-        _render_clear_sky(upper, lighting)
+        _render_clear_sky(image, first, lighting)
         return
     if (by_angles := SKY_MODELS[sky].by_angles) is not None:
-        _render_by_angles(upper, lighting, by_angles)
+        _render_by_angles(image, first, lighting, by_angles)
         return
-    azimuth, elevation = latlong_angles(2 * len(upper))
-    rows, weather = max(1, _CHUNK_PIXELS // upper.shape[1]), _weather(lighting)
-    for start in range(0, len(upper), rows):
-        part = slice(start, min(start + rows, len(upper)))
+    azimuth, elevation = latlong_angles(image.shape[1] // 2)
+    elevation = elevation[first : first + len(image)]
+    rows, weather = max(1, _CHUNK_PIXELS // image.shape[1]), _weather(lighting)
+    for start in range(0, len(image), rows):
+        part = slice(start, min(start + rows, len(image)))
         directions = direction(azimuth, elevation[part, None])
-        upper[part] = sky_shape(sky, directions, lighting.sun_direction, weather)
+        image[part] = sky_shape(sky, directions, lighting.sun_direction, weather)
 
 
 @lru_cache(maxsize=4)  # a photo's light is that of several maps
@@ -266,11 +344,11 @@ def _lobe_angles() -> tuple[Image, Image]:
     return angle, np.square(2 * np.sin(angle / 2))
 
 
-def _render_clear_sky(image: Image, lighting: Lighting) -> None:
-    """Fill the upper half (H / 2, 2H, 3) of a map: a factor and an offset per row, a look-up of the lobe per pixel."""
+def _render_clear_sky(image: Image, first: int, lighting: Lighting) -> None:
+    """Fill rows (R, 2H, 3) of the sky: a factor and an offset per row, a look-up of the lobe per pixel."""
     lobe = _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
-    factor, offset = _row_terms(lighting, 2 * len(image))
-    for part, share in _sun_shares(image, slice(0, len(image)), lighting):
+    factor, offset = (terms[:, first:] for terms in _row_terms(lighting, image.shape[1] // 2))
+    for part, share in _sun_shares(image, first, lighting):
         index = (share * np.float32(_LOBE_STEPS) + np.float32(0.5)).astype(np.intp)
         for channel in range(3):
             value = lobe[channel].take(index)
@@ -279,49 +357,49 @@ def _render_clear_sky(image: Image, lighting: Lighting) -> None:
             image[part, :, channel] = np.clip(value, 0, np.inf, out=value)
 
 
-def _render_by_angles(image: Image, lighting: Lighting, by_angles: Callable[..., Floats]) -> None:
-    """Fill the upper half (H / 2, 2H, 3) of a map: a look-up in its row's table per pixel, between entries linear."""
-    zenith = 90.0 - latlong_angles(2 * len(image))[1][: len(image)]
+def _render_by_angles(image: Image, first: int, lighting: Lighting, by_angles: Callable[..., Floats]) -> None:
+    """Fill rows (R, 2H, 3) of the sky: a look-up in its row's table per pixel, between entries linear."""
+    zenith = 90.0 - latlong_angles(image.shape[1] // 2)[1][first : first + len(image)]
     steps = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
     sun_angle = np.degrees(2 * np.arctan2(steps, 1 - steps))
     for start in range(0, len(image), _TABLE_ROWS):
         rows = slice(start, min(start + _TABLE_ROWS, len(image)))
         table = by_angles(zenith[rows], sun_angle, lighting.sun_elevation, lighting.turbidity)
-        _look_up(image, rows, np.asarray(table, dtype=np.float32), lighting)
+        _look_up(image[rows], first + start, np.asarray(table, dtype=np.float32), lighting)
 
 
-def _look_up(image: Image, rows: slice, table: Image, lighting: Lighting) -> None:
-    """Fill some rows of the upper half (H / 2, 2H, 3) of a map by their tables (3, R, _TABLE_STEPS + 1)."""
+def _look_up(image: Image, first: int, table: Image, lighting: Lighting) -> None:
+    """Fill rows (R, 2H, 3) of the sky by their tables (3, R, _TABLE_STEPS + 1)."""
     step = np.zeros_like(table)  # to the next entry; the last has none
     np.subtract(table[..., 1:], table[..., :-1], out=step[..., :-1])
-    for part, share in _sun_shares(image, rows, lighting):
+    for part, share in _sun_shares(image, first, lighting):
         share *= np.float32(_TABLE_STEPS)
         low = share.astype(np.intp)
         share -= low
         low += np.arange(len(low))[:, None] * (_TABLE_STEPS + 1)
-        tabled = slice(part.start - rows.start, part.stop - rows.start)
         for channel in range(3):
-            value = step[channel, tabled].take(low)
+            value = step[channel, part].take(low)
             value *= share
-            value += table[channel, tabled].take(low)
+            value += table[channel, part].take(low)
             image[part, :, channel] = value
 
 
-def _sun_shares(image: Image, rows: slice, lighting: Lighting) -> Iterator[tuple[slice, Image]]:
-    """A few of some rows at a time of the upper half (H / 2, 2H, 3) of a map, and their pixels' angles from the sun.
+def _sun_shares(image: Image, first: int, lighting: Lighting) -> Iterator[tuple[slice, Image]]:
+    """A few at a time of rows (R, 2H, 3) of the sky, and their pixels' angles from the sun.
 
     The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2). The row
     gives all but the last factor, and the column that one. This keeps its precision next to the sun. The angle is told
     by sin(g / 2) / (sin(g / 2) + cos(g / 2)), 0 to 1, which is as fine at both ends and needs no arcsine.
     """
-    azimuth, elevation = latlong_angles(2 * len(image))
+    azimuth, elevation = latlong_angles(image.shape[1] // 2)
+    elevation = elevation[first : first + len(image)]
     sun = math.radians(lighting.sun_elevation)
     vertical = np.asarray(np.sin((np.radians(elevation) - sun) / 2) ** 2, dtype=np.float32)
     horizontal = np.asarray(np.cos(np.radians(elevation)) * math.cos(sun), dtype=np.float32)
     column = np.asarray(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2, dtype=np.float32)
     count = max(1, _CHUNK_PIXELS // image.shape[1])
-    for start in range(rows.start, rows.stop, count):
-        part = slice(start, min(start + count, rows.stop))
+    for start in range(0, len(image), count):
+        part = slice(start, min(start + count, len(image)))
         # numpy clips at two ends in a third of the time that it takes at one
         sine2 = np.clip(vertical[part, None] + horizontal[part, None] * column, 0, 1)
         sine, cosine = np.sqrt(sine2), np.sqrt(1 - sine2)
@@ -350,7 +428,7 @@ def clear_irradiance(lighting: Lighting) -> Floats:
         fading = _painted_irradiance(lighting) / _painted_irradiance(horizon)
         return np.asarray(clear_irradiance(horizon) * fading)
     sky = np.empty((_IRRADIANCE_ROWS // 2, 2 * _IRRADIANCE_ROWS, 3), dtype=np.float32)
-    _render_clear_sky(sky, lighting)
+    _render_clear_sky(sky, 0, lighting)
     return _level_irradiance(sky)
 
 
@@ -366,15 +444,18 @@ def _level_irradiance(sky: Image) -> Floats:
     return np.asarray(row_irradiance(2 * len(sky))[: len(sky)] @ sky.mean(axis=1, dtype=np.float64))
 
 
-def _splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
-    """Add the disc: the mean over each pixel of its radiance on a finer grid, scaled to the disc's exact power.
+def _sun_disc_pixels(
+    background: Image, lighting: Lighting, power: Floats, height: int
+) -> tuple[NDArray[np.intp], Floats]:
+    """The disc's pixels (N,) and its radiance (N, 3): the mean of a finer grid, scaled to the disc's exact power.
 
     Args:
-        image: (H, 2H, 3) linear radiance, changed in place.
+        background: (h, 2h, 3) linear radiance of the map without it, perhaps of fewer rows.
         lighting: with the sun's direction and color.
         power: (3,) radiance x solid angle of the disc.
+        height: rows of the map.
     """
-    height, width = image.shape[:2]
+    width = 2 * height
     row, column, directions = _fine_grid(lighting, height)
     solid_angle = latlong_solid_angle(height)
     if lighting.sun_irradiance is None:
@@ -388,24 +469,29 @@ def _splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
     sums = np.stack([np.bincount(inverse, share[lit][:, channel], len(pixels)) for channel in range(3)], axis=-1)
     scale = power / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
     added = sums * scale / solid_angle[pixels // width, None]
-    flat = image.reshape(-1, 3)
-    if (flat[pixels] + added).max(initial=0.0) > MAX_RADIANCE:
-        pixels, added = _spread_power(image, pixels, added, solid_angle)
-    flat[pixels] += np.asarray(added, dtype=np.float32)
+    if (_radiance_at(background, pixels, height) + added).max(initial=0.0) > MAX_RADIANCE:
+        return _spread_power(background, pixels, added, solid_angle)
+    return pixels, added
+
+
+def _radiance_at(background: Image, pixels: NDArray[np.intp], height: int) -> Image:
+    """The radiance (N, 3) of a map, perhaps of fewer rows than `height`, at pixels (N,) of one of these."""
+    row, column = (place * len(background) // height for place in np.divmod(pixels, 2 * height))
+    return np.asarray(background[row, column])
 
 
 def _spread_power(
-    image: Image, pixels: NDArray[np.intp], added: Floats, solid_angle: Floats
+    background: Image, pixels: NDArray[np.intp], added: Floats, solid_angle: Floats
 ) -> tuple[NDArray[np.intp], Floats]:
     """Pixels (M,) and radiance (M, 3) of a wider sun, which gives a surface that faces it and level ground the same.
 
     Args:
-        image: (H, 2H, 3) to which it is to be added.
+        background: (h, 2h, 3) to which it is to be added, perhaps of fewer rows.
         pixels: (N,) indices of the pixels of the sun.
         added: (N, 3) its radiance there.
         solid_angle: (H,) of a pixel of each row.
     """
-    height = len(image)
+    height = len(solid_angle)
     weighted = added * solid_angle[pixels // (2 * height), None]
     vectors = weighted.T @ _pixel_directions(pixels, height)  # (channels, 3)
     total = vectors.sum(axis=0)
@@ -419,7 +505,7 @@ def _spread_power(
         solid = solid_angle[wider // (2 * height)]
         share = _at_height(share, solid, directions, sun)
         spread = share[:, None] * (facing / (solid * share @ (directions @ sun)))
-        if (over := float((image.reshape(-1, 3)[wider] + spread).max()) / MAX_RADIANCE) <= _FITS:
+        if (over := float((_radiance_at(background, wider, height) + spread).max()) / MAX_RADIANCE) <= _FITS:
             return wider, spread
         radius *= min(max(math.sqrt(over), _MIN_GROWTH), _MAX_GROWTH)
     raise _too_bright()

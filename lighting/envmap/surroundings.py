@@ -7,6 +7,7 @@ disc is painted last, so there is one sun.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 
@@ -16,10 +17,10 @@ from numpy.typing import NDArray
 import lighting.envmap.detail_library as detail_library
 import lighting.envmap.latlong as latlong
 from lighting.color import LUMINANCE_WEIGHTS, check_pixels
-from lighting.envmap.detail import MIN_ROWS, add_detail
+from lighting.envmap.detail import MIN_ROWS, AddedDetail, add_detail
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells
-from lighting.envmap.projection import CLIPPED, PhotoProjection, project_photo, sample_cells
-from lighting.envmap.render import add_sun, cap_map, render
+from lighting.envmap.projection import CLIPPED, PhotoProjection, PhotoScale, project_photo, sample_cells
+from lighting.envmap.render import add_sun, cap_map, render, render_bare, render_rows, sun_in_map
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.prediction import PASSING_THINGS, Segments, pixel_share
@@ -30,6 +31,8 @@ _SAMPLES_PER_CELL = 4  # rows and columns of the bare map that are sampled for e
 COARSE_ROWS = _CELL_ROWS * _SAMPLES_PER_CELL  # of a map that light probes are made of: more change hardly any by 1 %
 _CELL_RATIO_RANGE = (0.05, 4.0)  # by which a cell of the bare map may be dimmed or lit
 FINE_SIDE = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
+_PLAN_ROWS = 2048  # of the map by which a taller one is planned
+STRIP_ROWS = 256  # of a tall map that are made at once: 50 MB of 8192 rows
 _CONTRAST = 0.7  # power of the network's panorama, whose contrast is too high at places that it has not learnt
 
 _GLOW_DEG = 40.0  # around a sun within which the sky's brightness is the sun's
@@ -128,9 +131,9 @@ def render_view(
     image = paint(lighting, height=height, sun=sun, disc=disc)
     if not yaw:
         return image, lighting
-    from lighting.envmap.relighting import rotate_envmap, rotate_lighting
+    from lighting.envmap.relighting import rotate_lighting
 
-    return rotate_envmap(image, yaw), rotate_lighting(lighting, yaw)
+    return _rotated(image, yaw), rotate_lighting(lighting, yaw)
 
 
 def render_with_surroundings(
@@ -147,31 +150,130 @@ def render_with_surroundings(
         sun: whether the sun is in it; None: by `Lighting.sun_painted`.
         disc: False leaves the sun's disc for a light of its own.
     """
-    _check_context(context)
-    image = render(lighting, height, sun=sun, disc=False)
-    factors, photo = _context_factors(image, lighting, context), project_photo(lighting, context.photo, height)
-    gain, detailed = context.gain(lighting), context.detail and height >= MIN_ROWS
-    targets = _lay_in_halves(image, factors, photo, gain, shown=not detailed)
-    if detailed:
-        library = _find_detail(lighting, context, height)
-        add_detail(image, library, lighting, context.photo, context.segments, photo, gain)
-        for rows, target in zip(_halves(height), targets, strict=True):
-            photo.lay(image, rows, target, gain)
-    cap_map(image, lighting)
+    image, _ = _render_layers(lighting, context, height, sun)
     if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)
     return image
 
 
-def _lay_in_halves(
-    image: Image, factors: Image, photo: PhotoProjection, gain: float, *, shown: bool = True
-) -> tuple[Floats, Floats]:
-    """Multiply a bare map by cells and lay the photo over it; the irradiances (3,) by both halves, which stay."""
-    targets = _half_irradiances(image)
-    for rows, target, cells in zip(_halves(len(image)), targets, np.split(factors, 2), strict=True):
-        multiply_cells(image[rows], cells)
-        photo.lay(image, rows, target, gain, shown=shown)
-    return targets
+@dataclass(frozen=True, eq=False)
+class _Layers:
+    """What turns any rows of the bare map into those with the surroundings, also where they are more."""
+
+    sky_gain: Floats | None
+    """Of `render_rows`."""
+    cells: Image
+    """(_CELL_ROWS, 2 _CELL_ROWS, 3) factors."""
+    scales: tuple[PhotoScale, ...]
+    """Of the photo, above and below the horizon."""
+    detail: AddedDetail | None
+    """Between the first photo, which is not shown, and the second. None: there is one photo."""
+    detail_scales: tuple[PhotoScale, ...] = ()
+    """Of the second photo."""
+
+
+def _render_layers(lighting: Lighting, context: PhotoContext, height: int, sun: bool | None) -> tuple[Image, _Layers]:
+    """`render_with_surroundings` without the disc, and of what it is made."""
+    _check_context(context)
+    image, sky_gain = render_bare(lighting, height, sun=sun)
+    factors, photo = _context_factors(image, lighting, context), project_photo(lighting, context.photo, height)
+    gain, targets = context.gain(lighting), _half_irradiances(image)
+    detailed = context.detail and height >= MIN_ROWS
+    scales = _lay_photo(photo, image, targets, gain, factors, shown=not detailed)
+    detail, detail_scales = None, tuple[PhotoScale, ...]()
+    if detailed:
+        library = _find_detail(lighting, context, height)
+        detail = add_detail(image, library, lighting, context.photo, context.segments, photo, gain)
+        detail_scales = _lay_photo(photo, image, targets, gain)
+    cap_map(image, lighting)
+    return image, _Layers(sky_gain, factors, scales, detail, detail_scales)
+
+
+def _lay_photo(
+    photo: PhotoProjection,
+    image: Image,
+    targets: tuple[Floats, Floats],
+    gain: float,
+    factors: Image | None = None,
+    *,
+    shown: bool = True,
+) -> tuple[PhotoScale, ...]:
+    """Lay a photo over a map, whose cells are multiplied before, and return by what its halves are scaled.
+
+    They then have these irradiances (3,).
+    """
+    scales = []
+    for number, (rows, target) in enumerate(zip(_halves(len(image)), targets, strict=True)):
+        if factors is not None:
+            multiply_cells(image[rows], np.split(factors, 2)[number])
+        scales.append(photo.measure(image, rows, target, gain, shown=shown))
+        photo.lay(image[rows], rows, scales[-1], gain, shown=shown)
+    return tuple(scales)
+
+
+def render_strips(
+    lighting: Lighting,
+    height: int,
+    *,
+    sun: bool | None = None,
+    yaw: float = 0.0,
+    context: PhotoContext | None = None,
+    disc: bool = True,
+    plan_height: int = _PLAN_ROWS,
+    strip: int = STRIP_ROWS,
+) -> Iterator[Image]:
+    """Yield `render_view` of a tall map from the zenith down, a few rows (R, 2H, 3) at a time.
+
+    What is found of a whole map, such as its irradiances, is found of one of fewer rows.
+
+    Args:
+        lighting: as there.
+        height: as there.
+        sun: as there.
+        yaw: as there.
+        context: as there.
+        disc: as there.
+        plan_height: rows of that map; with as many as the map's, bits are those of `render_view`.
+        strip: rows that are yielded at once, a multiple of 32; the horizon should not lie among them.
+    """
+    layers, photo, gain, detail = None, None, 1.0, None
+    if context is None:
+        plan, sky_gain = render_bare(lighting, plan_height, sun=sun)
+    else:
+        plan, layers = _render_layers(lighting, context, plan_height, sun)
+        sky_gain, gain = layers.sky_gain, context.gain(lighting)
+        photo = project_photo(lighting, context.photo, height, strip)
+        if layers.detail is not None:
+            detail = layers.detail.taller(height)
+    add_disc = None
+    if disc and (lighting.sun_painted if sun is None else sun) and lighting.sun_elevation >= 0:
+        add_disc = sun_in_map(plan, lighting, height)
+    del plan
+    for first in range(0, height, strip):
+        image = np.empty((min(strip, height - first), 2 * height, 3), np.float32)
+        for number, half in enumerate(_halves(height)):
+            rows = slice(max(first, half.start), min(first + len(image), half.stop))
+            if rows.start >= rows.stop:
+                continue
+            part = image[rows.start - first : rows.stop - first]
+            render_rows(part, rows.start, lighting, sun=sun, gain=sky_gain)
+            if layers is not None and photo is not None:
+                multiply_cells(part, np.split(layers.cells, 2)[number], rows.start - half.start, height // 2)
+                photo.lay(part, rows, layers.scales[number], gain, shown=detail is None)
+                if detail is not None:
+                    detail.multiply(part, rows.start)
+                    photo.lay(part, rows, layers.detail_scales[number], gain)
+        if add_disc is not None:
+            add_disc(image, first)
+        yield _rotated(image, yaw)
+
+
+def _rotated(image: Image, yaw: float) -> Image:
+    if not yaw:
+        return image
+    from lighting.envmap.relighting import rotate_envmap
+
+    return rotate_envmap(image, yaw)
 
 
 def render_coarse(lighting: Lighting, context: PhotoContext, *, sun: bool | None = None) -> Image:
@@ -189,8 +291,9 @@ def render_coarse(lighting: Lighting, context: PhotoContext, *, sun: bool | None
     else:
         bare = render(lighting, COARSE_ROWS, sun=sun, disc=False)
         factors = _context_factors(bare, lighting, context)
-    image = bare.copy()
-    _lay_in_halves(image, factors, project_photo(lighting, context.photo, len(bare)), context.gain(lighting))
+    targets, image = _half_irradiances(bare), bare.copy()
+    photo = project_photo(lighting, context.photo, len(bare))
+    _lay_photo(photo, image, targets, context.gain(lighting), factors)
     cap_map(image, lighting)
     return image
 

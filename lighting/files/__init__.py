@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from lighting.files.exr import Image, WriteTarget
+    from lighting.files.exr import Image, Strips, WriteTarget
     from lighting.geometry import Floats
     from lighting.records import Lighting, LightProbe
 
@@ -155,9 +155,21 @@ describe_fields(FileOptions)
 DEFAULT_FILE = FileOptions()
 
 
+def join_strips(strips: "Strips") -> "Image":
+    """Return the rows of a map in one array.
+
+    Args:
+        strips: yields the rows (R, W, 3), from the top down.
+    """
+    import numpy as np
+
+    parts = list(strips())
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
 def write_envmap(
     target: str | os.PathLike[str],
-    image: "Floats",
+    image: "Floats | Strips",
     lighting: "Lighting | None" = None,
     options: FileOptions = DEFAULT_FILE,
     *,
@@ -167,7 +179,7 @@ def write_envmap(
 
     Args:
         target: path whose suffix is one of MAP_FORMATS.
-        image: (H, 2H, 3) linear Rec.709.
+        image: (H, 2H, 3) linear Rec.709; or what yields its rows, which an EXR of `zip` takes one after the other.
         lighting: for the header of an EXR; None: without.
         options: how the file is written.
         probe: the map's, for the header of an EXR; None: without.
@@ -180,7 +192,7 @@ def write_envmap(
 
 
 def encode_envmap(
-    image: "Floats",
+    image: "Floats | Strips",
     lighting: "Lighting | None" = None,
     options: FileOptions = DEFAULT_FILE,
     *,
@@ -189,7 +201,7 @@ def encode_envmap(
     """The bytes of a file that holds a map; raises as `write_envmap`.
 
     Args:
-        image: (H, 2H, 3) linear Rec.709.
+        image: as in `write_envmap`.
         lighting: for the header of an EXR; None: without.
         options: how the file is written.
         probe: the map's, for the header of an EXR; None: without.
@@ -201,7 +213,7 @@ def encode_envmap(
 
 def _write_map(
     target: "WriteTarget",
-    image: "Floats",
+    image: "Floats | Strips",
     lighting: "Lighting | None",
     options: FileOptions,
     probe: "LightProbe | None",
@@ -209,6 +221,8 @@ def _write_map(
     entry = MAP_FORMATS[options.format]
     packed = {"compression": options.compression} if entry.takes_compression else {}
     headed = {"probe": probe, "colors": options.colors} if entry.has_header else {}
+    if callable(image) and options.format != "exr":
+        image = join_strips(image)
     entry.write(target, image, lighting, **packed, **headed)
 
 

@@ -18,7 +18,7 @@ import io
 import json
 import os
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
-from lighting.files import atomic_write
+from lighting.files import atomic_write, join_strips
 from lighting.files.deflate import CHUNK_ROWS, deflate_chunk, fits_half, limit_packing_threads, pack_in_threads
 from lighting.record_json import record_with_coefficients
 from lighting.records import Lighting, check_lighting
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 Image = NDArray[np.float32]
 WriteTarget = str | os.PathLike[str] | BinaryIO
+Strips = Callable[[], Iterator[Image]]  # yields the rows (R, 2H, 3) of a map from the top down
 _Attributes = dict[str, Any]  # of a header, of the types that OpenEXR knows
 
 _Kind = TypeVar("_Kind", bound=np.generic)
@@ -131,7 +132,7 @@ def _stop_threads_over_forks(library: Any) -> None:
 
 def write_exr(
     target: WriteTarget,
-    image: NDArray[np.floating],
+    image: NDArray[np.floating] | Strips,
     lighting: Lighting | None = None,
     attributes: Mapping[str, object] | None = None,
     *,
@@ -147,7 +148,8 @@ def write_exr(
 
     Args:
         target: a path, where the file appears when it is whole, or a binary stream.
-        image: (H, 2H, 3) linear Rec.709.
+        image: (H, 2H, 3) linear Rec.709; or what yields its rows (R, 2H, 3) from the top down, 16 or a multiple at a
+            time. `zip` writes them one after the other, if need be twice.
         lighting: for the header; None: without.
         attributes: more for the header: texts, numbers and what else OpenEXR knows; None: no others.
         compression: zip, pxr24 or none. `zip` packs without loss: half floats differ from the map by up to 5e-4 of a
@@ -171,7 +173,14 @@ def write_exr(
         colors = colours
     chromaticities, interop_id = _color_space(colors)
     check_exr_compression(compression)
-    pixels = _convert_colors(check_envmap(image), colors)
+    own = compression == "zip" and not _LAYOUT.intersection(attributes or ())
+    if callable(image) and not own:
+        image = join_strips(image)
+    rows: Strips = image if callable(image) else partial(iter, (check_envmap(image),))
+
+    def strips() -> Iterator[Image]:
+        return (_convert_colors(strip, colors) for strip in rows())
+
     header = {
         "compression": getattr(OpenEXR, COMPRESSIONS[compression]),
         "type": OpenEXR.scanlineimage,
@@ -186,48 +195,66 @@ def write_exr(
     if attributes:
         _check_attributes(attributes)
         _try_attributes(header, attributes)
-    own = compression == "zip" and not _LAYOUT.intersection(attributes or ())
     write = _write_zip if own else _write_by_library
     if isinstance(target, str | os.PathLike):
         with open_target(target) as stream:
-            write(stream, header, pixels)
+            write(stream, header, strips)
     elif not callable(getattr(target, "write", None)):
         raise EnvironmentMapError(
             f"An EXR is written to a path or a binary stream, not {type(target).__name__}.", code=ErrorCode.WRONG_TYPE
         )
     elif type(target) is io.BytesIO and not target.getbuffer():
-        write(target, header, pixels)  # without a copy, during which no other thread of Python runs
+        write(target, header, strips)  # without a copy, during which no other thread of Python runs
     else:  # both seek backwards, which pipes and files opened for appending cannot
         buffer = io.BytesIO()
-        write(buffer, header, pixels)
+        write(buffer, header, strips)
         target.write(buffer.getbuffer())
 
 
-def _write_by_library(stream: BinaryIO, header: _Attributes, pixels: Image) -> None:
+def _write_by_library(stream: BinaryIO, header: _Attributes, strips: Strips) -> None:
+    (pixels,) = strips()
     _library().File(header, {"RGB": pixels}).write(stream)
 
 
-def _write_zip(stream: BinaryIO, header: _Attributes, pixels: Image) -> None:
+def _write_zip(stream: BinaryIO, header: _Attributes, strips: Strips) -> None:
     """Write an EXR in ZIP [1] as OpenEXR does, which has no igzip, to an empty stream that can seek."""
-    is_half = fits_half(pixels)
+    for is_half in (True, False):
+        if _write_strips(stream, header, strips(), is_half):
+            return
+        stream.seek(0)
+        stream.truncate()
+
+
+def _write_strips(stream: BinaryIO, header: _Attributes, strips: Iterator[Image], is_half: bool) -> bool:
+    """Write an EXR in ZIP of half floats, or 32-bit floats; False for rows that half floats do not hold."""
     begun = io.BytesIO()
     OpenEXR.File(header, {"RGB": np.zeros((1, 1, 3), np.float16 if is_half else np.float32)}).write(begun)
     head = bytearray(begun.getvalue())
-    for name, value in _attributes_at(head):
-        if name in (b"dataWindow", b"displayWindow"):
-            struct.pack_into("<ii", head, value + 8, pixels.shape[1] - 1, len(pixels) - 1)
-    del head[_end_of_header(head) :]
-    starts = range(0, len(pixels), CHUNK_ROWS)
-    offsets, position = [], len(head) + 8 * len(starts)
-    stream.write(head)
-    stream.write(bytes(8 * len(starts)))
-    chunks = pack_in_threads(partial(deflate_chunk, pixels, is_half), starts)
-    for start, data in zip(starts, chunks, strict=True):
-        offsets.append(position)
-        position += stream.write(struct.pack("<ii", start, len(data))) + stream.write(data)
-    stream.seek(len(head))
+    offsets: list[int] = []
+    position = table = 0
+    for pixels in strips:
+        if is_half and not fits_half(pixels):
+            return False
+        if not offsets:
+            height = pixels.shape[1] // 2
+            for name, value in _attributes_at(head):
+                if name in (b"dataWindow", b"displayWindow"):
+                    struct.pack_into("<ii", head, value + 8, pixels.shape[1] - 1, height - 1)
+            del head[_end_of_header(head) :]
+            table = len(head)
+            position = table + 8 * -(-height // CHUNK_ROWS)
+            stream.write(head)
+            stream.write(bytes(position - table))
+        first = CHUNK_ROWS * len(offsets)
+        starts = range(0, len(pixels), CHUNK_ROWS)
+        chunks = pack_in_threads(partial(deflate_chunk, pixels, is_half), starts)
+        for start, data in zip(starts, chunks, strict=True):
+            offsets.append(position)
+            position += stream.write(struct.pack("<ii", first + start, len(data))) + stream.write(data)
+    stream.seek(table)
     stream.write(struct.pack(f"<{len(offsets)}Q", *offsets))
     stream.seek(0, io.SEEK_END)
+    return True
 
 
 def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:

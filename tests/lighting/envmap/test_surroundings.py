@@ -19,11 +19,13 @@ from lighting.envmap.surroundings import (
     PhotoContext,
     _extrapolate_edges,
     _move_glow,
+    render_strips,
     render_view,
     render_with_surroundings,
     surroundings_gain,
 )
 from lighting.errors import ParameterError
+from lighting.files.exr import read_exr
 from lighting.geometry import angle_between, latlong_directions
 from lighting.map_options import MapOptions
 from lighting.photo.reader import Photo
@@ -357,6 +359,47 @@ if __name__ == "__main__":
 
 CLOUDY_LIGHT = stated_light(sky_cover=0.2)
 CONTEXT = PhotoContext(np.full((40, 60, 3), 90, np.uint8))
+
+
+@pytest.mark.parametrize("context", [None, CONTEXT, PhotoContext(PHOTO, detail=True)])
+@pytest.mark.parametrize(("sky", "yaw"), [("prague", 0.0), ("hosek-wilkie", 33.3), ("lalonde-matthews", 0.0)])
+def test_strips_are_the_rows_of_the_whole_map(context: PhotoContext | None, sky: str, yaw: float) -> None:
+    light = replace(CLOUDY_LIGHT, sky_painted=sky)
+    options: dict[str, Any] = {"sun": True, "yaw": yaw, "context": context}
+    whole, _ = render_view(light, 128, **options)
+    strips = list(render_strips(light, 128, plan_height=128, strip=32, **options))
+    assert [strip.shape for strip in strips] == 4 * [(32, 256, 3)]
+    np.testing.assert_array_equal(np.concatenate(strips), whole)
+
+
+def test_strips_planned_by_fewer_rows_keep_the_light() -> None:
+    context = PhotoContext(photo(BLUE, RED), detail=True)
+    image = np.concatenate(list(render_strips(CLOUDY_LIGHT, 500, plan_height=256, strip=64, context=context)))
+    bare, levels = render(CLOUDY_LIGHT, 500), row_irradiance(500)
+    assert image.shape == bare.shape
+    for half in (slice(0, 250), slice(250, 500)):
+        light, expected = (irradiance_from_rows(levels[half], rows[half]) for rows in (image, bare))
+        np.testing.assert_allclose(light, expected, rtol=0.01)
+
+
+def test_so_much_light_that_a_map_is_capped_makes_no_strips() -> None:
+    light = edit_lighting(CLOUDY_LIGHT, {"sky_irradiance": (900.0, 900.0, 900.0)})
+    with pytest.raises(ParameterError, match="too bright for a map"):
+        next(render_strips(light, 128, plan_height=128, strip=32))
+
+
+def test_a_tall_map_is_written_by_its_strips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(photo_estimate, "MAX_WHOLE_HEIGHT", 64)
+    answer = estimate(None)
+    rendered = answer.render(MapOptions(512, yaw=90.0))
+    shapes = {rows.shape for rows in rendered.strips()}
+    assert shapes == {(256, 1024, 3)}
+    answer.save(tmp_path / "map.exr", 512, yaw=90.0)
+    image, light = read_exr(tmp_path / "map.exr")
+    np.testing.assert_allclose(image, rendered.image, rtol=5e-4)
+    assert light == rendered.lighting
+    assert light is not None
+    assert light.sun_azimuth == pytest.approx(answer.lighting.sun_azimuth + 90.0)
 
 
 def test_a_view_is_the_map_of_its_record() -> None:

@@ -92,6 +92,16 @@ def test_the_last_chunk_may_be_lower(rows: int) -> None:
     np.testing.assert_array_equal(decoded(packed(values, "zip"))[1], values.astype(np.float16))
 
 
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+@pytest.mark.parametrize("peak", [1.0, 1e6])
+def test_a_file_of_strips_is_that_of_the_whole_map(compression: str, peak: float) -> None:
+    whole = textured()
+    whole[200] = peak
+    stream = io.BytesIO()
+    write_exr(stream, lambda: iter(np.split(whole, 4)), compression=compression)
+    assert stream.getvalue() == packed(whole, compression)
+
+
 def test_what_zip_makes_no_smaller_is_written_as_it_is() -> None:
     bits = np.random.default_rng(7).integers(0, 2**32, (32, 64, 3), dtype=np.uint32)
     back = decoded(packed(bits.view(np.float32), "zip"))[1]
