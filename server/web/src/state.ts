@@ -82,7 +82,7 @@ export function createView(
       before && saysCameraAlone(before.userInput, userInput)
         ? keptLight(before, estimate)
         : parametersFromRecord(estimate),
-    placement: (before && keptPlacement(before, estimate)) ?? placementOf(estimate, photo),
+    placement: (before && keptPlacement(before, estimate, userInput)) ?? placementOf(estimate, photo),
   };
   const isDrawn = Boolean(userInput.horizon || userInput.vertical);
   return {
@@ -114,10 +114,14 @@ function keptLight(before: PhotoView, estimate: Estimate): LightParameters {
 const placementOf = ({ camera, ground }: Estimate, photo: Photo): Placement =>
   initialPlacement(camera, aspectRatio(photo), ground?.spot?.direction ?? null);
 
-/** The object where the user put it in the photo, seen by another camera; null where it was left, or has no ground there. */
-function keptPlacement(before: PhotoView, { camera }: Estimate): Placement | null {
+/**
+ * The object where the user put it in the photo, seen by another camera; null where it was left, or has no ground there.
+ * Where a size was said it keeps its own in meters.
+ */
+function keptPlacement(before: PhotoView, { camera }: Estimate, { reference }: UserInput): Placement | null {
   const { placement } = currentState(before);
-  if (JSON.stringify(placement) === JSON.stringify(placementOf(before.estimate, before.photo))) return null;
+  const isSized = reference !== before.userInput.reference;
+  if (!isSized && JSON.stringify(placement) === JSON.stringify(placementOf(before.estimate, before.photo))) return null;
   return keepFoot(placement, before.estimate.camera, camera, aspectRatio(before.photo));
 }
 

@@ -13,6 +13,7 @@ import {
   isInSun,
   maxRadius,
   movePlacement,
+  type Placement,
   resizePlacement,
   rotatePlacement,
   shiftPlacement,
@@ -279,6 +280,19 @@ describe("another answer about a photo", () => {
 
   it("keeps what was done to the light where the camera alone was corrected", () => {
     expect(parametersAfter({ horizon: "1,2,3,4" })).toMatchObject({ sun_azimuth: -80, sun_elevation: 30, exposure: 4 });
+  });
+
+  it("keeps the object's meters where a size was said, and shows it smaller from higher up", () => {
+    const ground = { spot: { pixel: [150, 150], direction: [0, -0.3, -0.954] } } as Estimate["ground"];
+    const low = createView(photo, { ...record(10), ground } as Estimate, NO_USER_INPUT, false);
+    const tall: Estimate = { ...record(10), ground, camera: { ...CAMERA, height: 4.8 } } as Estimate;
+    const placementBy = (said: Partial<typeof NO_USER_INPUT>): Placement =>
+      currentState(createView(photo, tall, { ...NO_USER_INPUT, ...said }, false, low)).placement;
+    const { radius, position } = currentState(low).placement;
+    const sized = placementBy({ reference: "1,2,3,4,6" });
+    expect(sized.radius).toBe(radius);
+    expect(sized.position[2] / position[2]).toBeCloseTo(4.8 / 1.6, 6);
+    expect(placementBy({ vertical_fov: "50" }).radius).toBeGreaterThan(radius); // as large as looks well
   });
 
   it("shows its own sun where more is known of that", () => {
