@@ -30,7 +30,17 @@ _MIN_SHARPNESS = 0.71  # of that difference in half as many rows: 1 at a line, h
 _MAX_STEP = 8.0  # gray levels up to which columns count the more, so that dark headlands weigh no more than the sea
 _MIN_ON_LINE = 0.65  # share of the columns in which it does
 _MIN_LENGTH = 0.35  # of the picture's columns, that show water below sky
+_ROUNDED = 0.999  # of a probability, which a mean of others may exceed them by
 _MAX_CHANGE = 7.0  # deg from the camera that is known without it, of elevation and roll
+
+
+def may_show_sea(canvas: NDArray[np.float32]) -> bool:
+    """Whether what the network's canvas shows has so much water that the photo's segments, means of it, may have it.
+
+    Args:
+        canvas: (R, C, classes) probabilities, as `Prediction.segments` has them.
+    """
+    return float(canvas[..., SurfaceClass.WATER].max()) > _MIN_WATER * _ROUNDED
 
 
 def level_by_sea(

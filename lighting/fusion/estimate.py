@@ -45,7 +45,7 @@ from lighting.photo.picture_checks import is_blank, is_false_color, is_panorama
 from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight, Prediction, photo_segments
 from lighting.records import MIN_SUITABLE, Color, EvidenceKind, Lighting
-from lighting.sea_horizon import level_by_sea
+from lighting.sea_horizon import level_by_sea, may_show_sea
 from lighting.sun_grid import temper
 
 _UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
@@ -179,7 +179,8 @@ def refine_camera(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fo
     lens = refined.vertical_fov
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) <= MAX_LENS_RATIO:
         lens = vertical_fov
-    refined = level_by_sea(refined, pixels, photo_segments(prediction.segments, *pixels.shape[1::-1]), lens)
+    if prediction.segments is not None and may_show_sea(prediction.segments):
+        refined = level_by_sea(refined, pixels, photo_segments(prediction.segments, *pixels.shape[1::-1]), lens)
     sun = None if refined is prediction else visible_sun(prediction, pixels)
     return refined if sun is None else replace(refined, sun_probability=reproject_sun(prediction, refined, sun))
 

@@ -10,7 +10,7 @@ from PIL import Image
 
 from lighting.geometry import Pinhole, camera_directions
 from lighting.prediction import SurfaceClass
-from lighting.sea_horizon import find_sea_horizon, level_by_sea
+from lighting.sea_horizon import find_sea_horizon, level_by_sea, may_show_sea
 from tests.helpers.predictions import prediction
 
 CAMERA = Pinhole(480, 360, 55.0, elevation=4.0, roll=-2.0)
@@ -63,3 +63,10 @@ def test_a_headland_before_the_sea_changes_nothing() -> None:
     assert line is not None
     middle = 0.5 + 0.5 * math.tan(math.radians(4.0)) / math.tan(math.radians(27.5)) / math.cos(math.radians(2.0))
     assert sum(line) / 2 == pytest.approx(middle, abs=0.004)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.0, False), (0.2, False), (0.9, True)])
+def test_without_water_on_the_canvas_no_sea_is_sought(share: float, expected: bool) -> None:
+    canvas = np.zeros((28, 28, len(SurfaceClass)), np.float32)
+    canvas[20, 3, SurfaceClass.WATER] = share
+    assert may_show_sea(canvas) is expected
