@@ -54,13 +54,13 @@ def on_ground(azimuth: float, distance: float, height: float = 0.0) -> tuple[flo
 @pytest.mark.parametrize("case", CASES["cases"], ids=lambda case: case["name"])
 def test_the_page_finds_the_same_camera_while_lines_are_drawn(case: dict[str, Any]) -> None:
     """The page's own test reads the same file."""
-    elevation, roll, fov = CASES["pixels"]
+    (width, height), (elevation, roll, fov) = CASES["size"], CASES["pixels"]
     drawn = DrawnCamera(
         tuple(case["horizon"]) if case["horizon"] else None,
         tuple(map(tuple, case["verticals"])),
         tuple(LevelLines(tuple(map(tuple, group))) for group in case["levels"]),
     )
-    fitted = fit_camera(Pinhole(*CASES["size"], fov, 0.0, elevation, roll), drawn, lens_known=case["lens_known"])
+    fitted = fit_camera(Pinhole(width, height, fov, 0.0, elevation, roll), drawn, lens_known=case["lens_known"])
     assert [fitted.elevation, fitted.roll, fitted.vertical_fov] == pytest.approx(case["camera"], abs=1e-3)
 
 
