@@ -325,7 +325,7 @@ def test_a_lawn_does_not_go_on_as_paving() -> None:
 
 
 def test_a_cell_tells_of_autumn_and_of_how_much_its_tints_vary() -> None:
-    orange, green, gray = np.float32([[0.5, 0.25, 0.06], [0.1, 0.2, 0.05], [0.3, 0.3, 0.3]])
+    orange, green, gray = np.array([[0.5, 0.25, 0.06], [0.1, 0.2, 0.05], [0.3, 0.3, 0.3]], np.float32)
     colors = np.stack([orange, orange, green, green, gray, gray, orange, green])
     shown, count = cell_features(colors, np.repeat(np.arange(4), 2))
     tints, autumn = (shown[FEATURES.index(name), 0, :4] for name in ("tints", "autumn"))
