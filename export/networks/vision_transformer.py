@@ -48,12 +48,19 @@ class _Block(nn.Module):
     def fold(self) -> None:
         """Multiply the scales into the weights; the block then does not learn."""
         self.folded = True
+        self._multiply(1)
+
+    def unfold(self) -> None:
+        """Divide weights that were folded by the scales, so that they learn at the rates at which they learned."""
+        self._multiply(-1)
+
+    def _multiply(self, power: int) -> None:
         with torch.no_grad():
             for layer, scale in ((self.out, self.scale1), (self.fc2, self.scale2)):
-                layer.weight.mul_(scale[:, None])
-                layer.bias.mul_(scale)
-            self.qkv.weight[:WIDTH].mul_(_QUERY_SCALE)
-            self.qkv.bias[:WIDTH].mul_(_QUERY_SCALE)
+                layer.weight.mul_(scale[:, None] ** power)
+                layer.bias.mul_(scale**power)
+            self.qkv.weight[:WIDTH].mul_(_QUERY_SCALE**power)
+            self.qkv.bias[:WIDTH].mul_(_QUERY_SCALE**power)
 
     def forward(self, tokens: Tensor, unseen: Tensor | None = None, keep: Tensor | None = None) -> Tensor:
         """Tokens (B, N, WIDTH) after the block.
@@ -129,6 +136,12 @@ class VisionTransformer(nn.Module):
         for block in self.blocks:
             assert isinstance(block, _Block)
             block.fold()
+
+    def unfold(self) -> None:
+        """Divide a file's weights of blocks by the constants that were multiplied into them; it learns further then."""
+        for block in self.blocks:
+            assert isinstance(block, _Block)
+            block.unfold()
 
     def _positions(self, side: int) -> Tensor:
         """The table of positions (1, WIDTH, side, side)."""

@@ -18,7 +18,8 @@ from torch.utils.data import DataLoader
 
 from export.crops.crops import load_sources
 from export.data.panoramas import DataError
-from export.networks.outdoor import HEADS, Outdoor, build_network
+from export.networks.outdoor import HEADS, build_network
+from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.weights import check_new, write_run
 from export.training.dataset import TrainConfig, TrainingCrops, training_panoramas
 from lighting.fields import Json
@@ -54,7 +55,7 @@ def _training_photos(config: TrainConfig, spec: ModelSpec) -> Iterator[Tensor]:
             yield batch.photo.to(memory_format=torch.channels_last)
 
 
-def _read_onnx_network(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
+def _read_onnx_network(file: Path, number: int) -> tuple[nn.Module, dict[str, str]]:
     """Network `number` (from 0) of a file, and the file's metadata; heads that did not ship have random weights.
 
     DataError if the file is none of `write_onnx`, or holds no such network.
@@ -73,16 +74,19 @@ def _read_onnx_network(file: Path, number: int) -> tuple[Outdoor, dict[str, str]
     if number >= len(prefixes):
         raise DataError(f"{file} holds no network number {number}.")
     prefix = prefixes[number]
-    if any(name.startswith(f"{prefix}trunk.") for name in tensors):
-        raise DataError(
-            f"Network number {number} of {file} is a transformer, which the file holds too coarsely to learn."
-        )
     bins, surroundings = (any(t.startswith(f"{prefix}{head}.") for t in tensors) for head in ("camera", "around"))
-    network = build_network(spec, has_camera_bins=bins, has_surroundings=surroundings)
-    assert isinstance(network, Outdoor)
-    missing, _ = network.load_state_dict(_weights(network, tensors, prefix), strict=False)
+    network: nn.Module
+    if any(name.startswith(f"{prefix}trunk.") for name in tensors):
+        network = OutdoorTransformer(spec, pretrained=True, has_surroundings=surroundings)
+        state = network.state_dict() | _transformer_weights(network, model.graph, tensors, prefix)
+    else:
+        network = build_network(spec, has_camera_bins=bins, has_surroundings=surroundings)
+        state = _weights(network, tensors, prefix)
+    missing, _ = network.load_state_dict(state, strict=False)
     if lost := [name for name in missing if not name.startswith((*HEADS, "sun.", "values."))]:
         raise DataError(f"{file} does not hold all weights of network number {number}: {lost[0]} is missing.")
+    if isinstance(network, OutdoorTransformer):
+        network.trunk.unfold()
     return network, metadata
 
 
@@ -127,6 +131,37 @@ def _weights(network: nn.Module, tensors: dict[str, NDArray[Any]], prefix: str) 
     return state
 
 
+def _transformer_weights(
+    network: nn.Module, graph: Any, tensors: dict[str, NDArray[Any]], prefix: str
+) -> dict[str, Tensor]:
+    """State of a transformer from a file's graph and tensors, its constants multiplied out.
+
+    What embeds the patches is the wheel's, for it never learns.
+    """
+    users = {name: node for node in graph.node for name in node.input}
+    makers = {name: node for node in graph.node for name in node.output}
+    state: dict[str, Tensor] = {}
+    for name, module in network.named_modules():
+        bias = _find_tensor(tensors, f"{prefix}{name}.bias")
+        if bias is None or not isinstance(module, (nn.Linear, nn.LayerNorm)) or name == "suitable":
+            continue
+        weight = _find_tensor(tensors, f"{prefix}{name}.weight")
+        if weight is None:  # of a product, which is known by the bias that is added
+            node = users[f"{prefix}{name}.bias"]
+            product = node if "MatMul" in node.op_type else makers[node.input[0]]
+            weight = _product_weight(tensors, product.input[1])
+        state |= {f"{name}.weight": weight, f"{name}.bias": bias}
+    return state
+
+
+def _product_weight(tensors: dict[str, NDArray[Any]], name: str) -> Tensor:
+    """Weights (outputs, inputs) of a matrix product, which the file may have as whole numbers with a scale."""
+    weight = _find_tensor(tensors, name)
+    assert weight is not None
+    scale = tensors.get(f"{name}.scale")
+    return (weight if scale is None else weight * torch.from_numpy(np.array(scale))).T.contiguous()
+
+
 def _before(name: str) -> str:
     """The name of the layer before one in a sequence."""
     parent, _, index = name.rpartition(".")
@@ -138,7 +173,7 @@ def _find_tensor(tensors: dict[str, NDArray[Any]], name: str) -> Tensor | None:
 
     Networks that share first layers, which training leaves as they are, have them under the name of one of them.
     """
-    layer = name.split(".", 2)[2]
+    layer = name.split(".", 2)[-1]
     shared = any(f".backbone.{part}." in name for part in ("stem", "blocks.0", "blocks.1", "blocks.2"))
     beginning = f"beginning.{layer.removeprefix('backbone.')}"
     others = [*(f"{group}.0.{layer}" for group in _GROUPS), beginning] if shared else []

