@@ -27,7 +27,7 @@ from lighting.batch.photo_search import PHOTO_SUFFIXES
 from lighting.envmap.relighting import adjust_lighting
 from lighting.envmap.render import render, sun_light
 from lighting.estimator import Estimator
-from lighting.fusion.shadows import OwnShadow, marked_points, read_shadow
+from lighting.fusion.shadows import OwnShadow, Shadow, marked_points, read_shadow
 from lighting.fusion.user_input import UserInput
 from lighting.map_options import Adjustments
 from lighting.photo.reader import read_photo
@@ -310,8 +310,9 @@ def test_a_shadow_with_its_foot_is_said_to_be_a_guess(unpacked: str) -> None:
     marks = importlib.import_module(f"{unpacked}.marks")
     for name in ("SHADOW", "TOP"):
         text = marks.mark_text(name, [(10.0, 20.0), (60.0, 40.0), (10.0, 5.0)][: len(marks.KINDS[name].clicks)])
-        guessed = marks.turn_guess(text)
-        assert read_shadow(guessed) == replace(read_shadow(text), is_doubted=True)
+        guessed, shadow = marks.turn_guess(text), read_shadow(text)
+        assert isinstance(shadow, Shadow)
+        assert read_shadow(guessed) == replace(shadow, is_doubted=True)
         assert (marks.is_guess(text), marks.is_guess(guessed), marks.turn_guess(guessed)) == (False, True, text)
     assert [marks.is_guess(text) for text in ("own:1,2", "head:1,2", "line:1,2,3,9", "lit:1,2,3,9")] == [None] * 4
 
