@@ -8,7 +8,7 @@ import dataclasses
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
@@ -107,7 +107,11 @@ def render_map(
             return_memory()
         values: Any = {"sun": options.sun, "yaw": options.yaw, "context": context, "disc": options.disc}
         if options.height > MAX_WHOLE_HEIGHT:
-            strips = partial(render_strips, light, options.height, **values)
+
+            def strips() -> Iterator[Image]:
+                with ONE_BLAS_THREAD:
+                    yield from render_strips(light, options.height, **values)
+
             return RenderedMap(strips, rotate_lighting(light, options.yaw) if options.yaw else light, probe)
         image, shown = render_view(light, options.height, **values)
     return RenderedMap(lambda: iter((image,)), shown, probe)

@@ -18,7 +18,7 @@ import numpy as np
 from lighting.envmap.relighting import edit_lighting
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, SceneError
 from lighting.fields import describe_fields
-from lighting.files import DEFAULT_FILE, encode_envmap, output_folder_error, write_file
+from lighting.files import output_folder_error, write_file
 from lighting.fusion.time_zones import offset_at
 from lighting.geometry import wrap_azimuth
 from lighting.map_options import DEFAULT_MAP, MapOptions
@@ -133,8 +133,7 @@ def write_sun_study(
     for hour in study.hours:
         shown = estimate.replace(lighting=hour.lighting)
         shown.render(options).write(target / hour.map_name)
-        sky = shown.render(replace(options, disc=False))
-        write_file(stage / hour.map_name, encode_envmap(sky.image, sky.lighting, DEFAULT_FILE, probe=sky.probe))
+        shown.render(replace(options, disc=False)).write(stage / hour.map_name)
     for file, text in animate_usd_sun(study.path).items():
         write_file(stage / file, text.encode())
     lines = (json_line(name, hour.lighting, outputs={"map": hour.map_name}) for hour in study.hours)

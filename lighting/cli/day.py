@@ -17,7 +17,7 @@ from lighting.cli import options as common
 from lighting.cli.options import usage_errors
 from lighting.cli.photos import estimate_file, user_input_options
 from lighting.files import escape_undecodable, output_folder_error
-from lighting.map_options import MapOptions
+from lighting.map_options import MAX_WHOLE_HEIGHT, MapOptions
 from lighting.scene import EXPORTERS
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def _read_step(_ctx: click.Context, _param: click.Parameter, text: str) -> float
 @click.option(
     "--every", default="1h", show_default=True, metavar="TIME", callback=_read_step, help="Between maps: 1h, 30min."
 )
-@common.map_options("height", "sky", "around")
+@common.map_options("height", "sky", "around", max_height=MAX_WHOLE_HEIGHT)
 @user_input_options
 @common.model_option
 @common.json_option

@@ -15,6 +15,8 @@ from lighting.errors import EnvironmentMapError, LightingError, ParameterError
 from lighting.fields import option_name
 from lighting.files import FileOptions, is_address
 from lighting.map_options import (
+    MAX_HEIGHT,
+    MAX_WHOLE_HEIGHT,
     Adjustments,
     Around,
     MapOptions,
@@ -259,7 +261,7 @@ def _sentence(text: OptionText) -> str:
 
 def _checked_height(_ctx: click.Context, _param: click.Parameter, height: int) -> int:
     with usage_errors():
-        check_height(height)
+        check_height(height, MAX_WHOLE_HEIGHT)
     return height
 
 
@@ -326,12 +328,13 @@ _SWITCHES: dict[str, Decorator] = {  # that `around` replaces, until 0.4.0
 MAP_PARAMETERS = frozenset([*_MAP_TEXTS, *_FILE_TEXTS, *_ADJUSTMENTS, *_SWITCHES])  # that commands have of maps
 
 
-def map_options(*names: str, without_detail: str = Around.PHOTO.value) -> Decorator:
+def map_options(*names: str, without_detail: str = Around.PHOTO.value, max_height: int = MAX_HEIGHT) -> Decorator:
     """Add the options that fill fields of MapOptions; a command receives it as `view`.
 
     Args:
         names: of the fields; none is all.
         without_detail: as in `around_of_switches`.
+        max_height: rows that the command's maps may have.
     """
     names = names or tuple(field.name for field in fields(MapOptions))
     options = [
@@ -361,6 +364,8 @@ def map_options(*names: str, without_detail: str = Around.PHOTO.value) -> Decora
                 with usage_errors():
                     fields_of["adjustments"] = Adjustments(sun, *others)
             with usage_errors():
+                if "height" in names:
+                    check_height(fields_of["height"], max_height)
                 view = MapOptions(**fields_of)
             command(*args, view=view, **values)
 

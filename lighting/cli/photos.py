@@ -26,7 +26,7 @@ from lighting.cli.options import (
 )
 from lighting.errors import LightingError, ParameterError
 from lighting.fields import option_name
-from lighting.map_options import MapOptions
+from lighting.map_options import MAX_HEIGHT, MapOptions
 from lighting.photo.timestamps import parse_time, parse_utc_offset
 from lighting.start import StartedNetwork, exit_on_interrupt
 
@@ -230,11 +230,12 @@ class PhotoOptions:
         print_estimate(photo, light, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
 
 
-def photo_options(*names: str) -> Decorator:
+def photo_options(*names: str, max_height: int = MAX_HEIGHT) -> Decorator:
     """Add the options that PhotoOptions holds, apart from -o; the command receives it as `chosen`.
 
     Args:
         names: the fields of MapOptions that count; none is all.
+        max_height: as in `map_options`.
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -246,7 +247,7 @@ def photo_options(*names: str) -> Decorator:
         return add_options(
             with_chosen,
             click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName()),
-            map_options(*names),
+            map_options(*names, max_height=max_height),
             user_input_options,
             model_option,
             strict_option,

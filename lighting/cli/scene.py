@@ -12,6 +12,7 @@ import lighting.cli.outputs as outputs
 from lighting.cli import Command, cli
 from lighting.cli import options as common
 from lighting.cli.photos import PhotoOptions, photo_options, process_photos
+from lighting.map_options import MAX_WHOLE_HEIGHT
 from lighting.scene import EXPORTERS, unsupported_options
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def _tool_option(tool: str, name: str, option: "ExporterOption") -> click.Option
     callback=common.check_file_name,
     help="Take the light from this record. PHOTO gives the background and the ground.",
 )
-@photo_options("height", "sun", "sky", "around", "backdrop", "adjustments")
+@photo_options("height", "sun", "sky", "around", "backdrop", "adjustments", max_height=MAX_WHOLE_HEIGHT)
 @click.pass_context
 def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str | None, **of_tool: Any) -> None:
     """Write a photo and its light as a scene for another tool.

@@ -12,6 +12,7 @@ import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
@@ -156,15 +157,24 @@ DEFAULT_FILE = FileOptions()
 
 
 def join_strips(strips: "Strips") -> "Image":
-    """Return the rows of a map in one array.
+    """Return a map (H, 2H, 3) in one array, which is filled strip by strip.
 
     Args:
-        strips: yields the rows (R, W, 3), from the top down.
+        strips: yields the rows (R, 2H, 3), from the top down.
     """
     import numpy as np
 
-    parts = list(strips())
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+    parts = strips()
+    first = next(parts)
+    height = first.shape[1] // 2
+    if len(first) == height:
+        return first
+    image = np.empty((height, *first.shape[1:]), first.dtype)
+    end = 0
+    for part in chain((first,), parts):
+        start, end = end, end + len(part)
+        image[start:end] = part
+    return image[:end]
 
 
 def write_envmap(

@@ -60,8 +60,8 @@ _EFFORT = 1  # of PXR24, 1 to 9: a third less work than OpenEXR's own 4, for a s
 _BUFFER_BYTES = 1 << 20  # written at once; OpenEXR writes each 16 rows, with their offset and size, by themselves
 _NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
 _DEEP = 0x800  # version flag of files with any number of samples a pixel
-MAX_READ_PIXELS = 64_000_000  # of a picture that is read: twice those of the largest map, and a camera's
-_MAX_READ_BYTES = 1 << 30  # of all its channels as 32-bit numbers
+_MAX_READ_PIXELS = 140_000_000  # of a picture that is read: the largest map's, and twice a camera's
+_MAX_READ_BYTES = 16 * _MAX_READ_PIXELS  # of all its channels as 32-bit numbers: of four as large
 _MAX_CHUNKS = 1 << 16  # of a file, each of a row or more: a map of more rows would hold 100 GB
 _UNREADABLE = (  # OpenEXR's own words are of buffers, parts and codecs
     "The EXR file cannot be read: it is damaged or of an unknown kind."
@@ -231,7 +231,7 @@ def _write_strips(stream: BinaryIO, header: _Attributes, strips: Iterator[Image]
     OpenEXR.File(header, {"RGB": np.zeros((1, 1, 3), np.float16 if is_half else np.float32)}).write(begun)
     head = bytearray(begun.getvalue())
     offsets: list[int] = []
-    position = table = 0
+    position = table = height = rows = 0
     for pixels in strips:
         if is_half and not fits_half(pixels):
             return False
@@ -245,12 +245,15 @@ def _write_strips(stream: BinaryIO, header: _Attributes, strips: Iterator[Image]
             position = table + 8 * -(-height // CHUNK_ROWS)
             stream.write(head)
             stream.write(bytes(position - table))
+        rows += len(pixels)
         first = CHUNK_ROWS * len(offsets)
         starts = range(0, len(pixels), CHUNK_ROWS)
         chunks = pack_in_threads(partial(deflate_chunk, pixels, is_half), starts)
         for start, data in zip(starts, chunks, strict=True):
             offsets.append(position)
             position += stream.write(struct.pack("<ii", first + start, len(data))) + stream.write(data)
+    if not height or rows != height or len(offsets) != -(-height // CHUNK_ROWS):
+        raise EnvironmentMapError(f"The map's strips have {rows} rows; it needs {height}, 16 or a multiple at a time.")
     stream.seek(table)
     stream.write(struct.pack(f"<{len(offsets)}Q", *offsets))
     stream.seek(0, io.SEEK_END)
@@ -266,7 +269,7 @@ def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
             picture.
 
     Raises:
-        EnvironmentMapError: it is no such file, is cut short, or has over 64 million pixels or a gigabyte of channels.
+        EnvironmentMapError: it is no such file, is cut short, or has over 140 million pixels or 2.2 GB of channels.
     """
     data = read_map_bytes(source)
     if not _is_whole(data):
@@ -491,8 +494,8 @@ def check_read_size(width: int, height: int, kind: str) -> None:
         height: pixels.
         kind: of file, for the sentence.
     """
-    if width * height > MAX_READ_PIXELS:
-        limit = f"the limit of {MAX_READ_PIXELS / 1e6:g} million"
+    if width * height > _MAX_READ_PIXELS:
+        limit = f"the limit of {_MAX_READ_PIXELS / 1e6:g} million"
         raise EnvironmentMapError(f"The {kind} of {width} x {height} pixels has more than {limit}.")
 
 
@@ -510,7 +513,8 @@ def _check_exr_size(data: bytes) -> None:
     for width, height in sizes:
         check_read_size(width, height, "EXR file")
     if sum(4 * width * height * count for (width, height), count in zip(sizes, counts, strict=True)) > _MAX_READ_BYTES:
-        raise EnvironmentMapError(f"The EXR file's {sum(counts)} channels take more than a gigabyte, the limit.")
+        limit = _MAX_READ_BYTES / 1e9
+        raise EnvironmentMapError(f"The EXR file's {sum(counts)} channels take more than the limit of {limit:.2g} GB.")
 
 
 def _decode(data: bytes) -> list[tuple[_Attributes, _Attributes]]:

@@ -41,7 +41,7 @@ from lighting.files.deflate import encode_png
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
 from lighting.light_probe import compute_light_probe
-from lighting.map_options import DEFAULT_MAP, Around, MapOptions
+from lighting.map_options import DEFAULT_MAP, MAX_WHOLE_HEIGHT, Around, MapOptions, check_height
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
 from lighting.photo_estimate import RenderedMap, render_map
@@ -417,7 +417,7 @@ MAX_PLATE_SIDE = 3840  # pixels that a scene's plate has along its longer side a
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """What to write beside the records."""
+    """What to write beside the records. Maps of over 4096 rows are a ParameterError."""
 
     view: MapOptions = DEFAULT_MAP
     """Of the maps: height, sun, what is around, and adjustments as the shot's first camera sees the light."""
@@ -427,6 +427,9 @@ class OutputOptions:
     """A map a frame."""
     film: bool = False
     """Whether the clip is drawn with its light."""
+
+    def __post_init__(self) -> None:
+        check_height(self.view.height, MAX_WHOLE_HEIGHT)
 
 
 @dataclass

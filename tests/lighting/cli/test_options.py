@@ -384,6 +384,15 @@ def test_a_bad_height_is_wrong_usage(value: str, tmp_path: Path) -> None:
     assert invoke_command("render", "absent.json", "-o", tmp_path / "a.exr", "--height", value).exit_code == 2
 
 
+@pytest.mark.parametrize(
+    "command",
+    ["scene absent.jpg --for usd", "day absent.jpg --date 2024-06-01", "video absent.mp4", "probe merge absent.tif"],
+)
+def test_what_needs_a_whole_map_is_lower(command: str) -> None:
+    sentence = "--height is 4098; it must be an even number from 16 to 4096."
+    assert sentence in error_of(invoke_command(*command.split(), "--height", "4098"), 2)
+
+
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "north"])
 def test_a_bad_yaw_is_wrong_usage(value: str, tmp_path: Path) -> None:
     assert invoke_command("render", "absent.json", "-o", tmp_path / "a.exr", "--yaw", value).exit_code == 2

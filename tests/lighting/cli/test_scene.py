@@ -105,7 +105,7 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
         (["--for", "maya"], f"'maya' is not one of {', '.join(map(repr, EXPORTERS))}."),
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
         (["--for", "usd", "--sun", "40,25", "--no-sun"], "choose one."),
-        (["--for", "usd", "--height", "15"], "height is 15; it must be an even number from 16 to 8192."),
+        (["--for", "usd", "--height", "4098"], "height is 4098; it must be an even number from 16 to 4096."),
     ],
 )
 def test_wrong_usage_is_one_sentence(photo_path: Path, tmp_path: Path, arguments: list[str], sentence: str) -> None:

@@ -27,12 +27,14 @@ from lighting.files import FileOptions, encode_envmap, read_envmap
 from lighting.files.deflate import _round_to_half
 from lighting.files.exr import (
     COMPRESSIONS,
+    check_read_size,
     read_exr,
     read_exr_attributes,
     set_compression_threads,
     write_exr,
 )
 from lighting.geometry import latlong_solid_angle
+from lighting.map_options import MAX_HEIGHT
 from lighting.record_json import record_with_coefficients
 from lighting.records import Lighting
 from lighting.version import __version__
@@ -645,7 +647,7 @@ def test_header_of_the_strength_of_the_light(rounded_map: NDArray[np.float32]) -
 # Pictures that unpack to more than a computer holds
 
 
-@pytest.mark.parametrize(("width", "height", "refused"), [(16000, 8000, True), (8001, 8000, True), (32, 16, False)])
+@pytest.mark.parametrize(("width", "height", "refused"), [(17000, 8500, True), (17501, 8000, True), (32, 16, False)])
 def test_what_a_header_announces_is_limited(width: int, height: int, refused: bool) -> None:
     """A few kilobytes can hold gigabytes of zeros."""
     stream = io.BytesIO()
@@ -656,9 +658,13 @@ def test_what_a_header_announces_is_limited(width: int, height: int, refused: bo
     if not refused:
         assert read_exr(io.BytesIO(changed))[0].shape == (height, width, 3)
         return
-    words = f"of {width} x {height} pixels has more than the limit of 64 million"
+    words = f"of {width} x {height} pixels has more than the limit of 140 million"
     with pytest.raises(EnvironmentMapError, match=words):
         read_exr(io.BytesIO(changed))
+
+
+def test_the_largest_map_may_be_read() -> None:
+    check_read_size(2 * MAX_HEIGHT, MAX_HEIGHT, "map")
 
 
 def test_many_channels_count(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -668,7 +674,7 @@ def test_many_channels_count(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lighting.files.exr._MAX_READ_BYTES", 4 * plane.size * len(names))
     assert read_exr(io.BytesIO(file))[0].shape == (8, 16, 3)
     monkeypatch.setattr("lighting.files.exr._MAX_READ_BYTES", 4 * plane.size * len(names) - 1)
-    with pytest.raises(EnvironmentMapError, match="40 channels take more than a gigabyte"):
+    with pytest.raises(EnvironmentMapError, match=r"40 channels take more than the limit of [\d.e-]+ GB\."):
         read_exr(io.BytesIO(file))
 
 

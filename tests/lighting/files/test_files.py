@@ -13,6 +13,7 @@ from lighting.color import tone_map
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files import (
+    MAP_FORMATS,
     FileOptions,
     atomic_write,
     check_map_name,
@@ -174,6 +175,24 @@ def test_png_is_the_tone_mapped_map(image: Map) -> None:
         np.testing.assert_array_equal(np.asarray(picture), tone_map(image))
 
 
+@pytest.mark.parametrize("name", MAP_FORMATS)
+def test_strips_make_the_file_of_the_whole_map(image: Map, name: str) -> None:
+    options = FileOptions(name)
+    parts = np.split(image, [16, 48])
+    assert encode_envmap(lambda: iter(parts), options=options) == encode_envmap(image, options=options)
+
+
+@pytest.mark.parametrize("name", MAP_FORMATS)
+def test_strips_that_end_early_are_refused(image: Map, name: str) -> None:
+    with pytest.raises(EnvironmentMapError):
+        encode_envmap(lambda: iter([image[:16], image[16:32]]), options=FileOptions(name))
+
+
+def test_strips_that_split_a_chunk_of_an_exr_are_refused(image: Map) -> None:
+    with pytest.raises(EnvironmentMapError, match="strips have 64 rows; it needs 64, 16 or a multiple at a time"):
+        encode_envmap(lambda: iter([image[:8], image[8:]]))
+
+
 @pytest.mark.parametrize("name", ["map", "map.jpg", ".exr", "map.exr.txt"])
 def test_other_suffixes_are_one_sentence(tmp_path: Path, image: Map, name: str) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^The name '.*' must end in \.exr, \.hdr or \.png\.$"):
@@ -181,7 +200,7 @@ def test_other_suffixes_are_one_sentence(tmp_path: Path, image: Map, name: str) 
     assert list(tmp_path.iterdir()) == []
 
 
-def testcheck_map_name_a_path() -> None:
+def test_a_suffix_names_the_format() -> None:
     assert [check_map_name("a/b.EXR"), check_map_name(Path("x.y.hdr")), check_map_name("p.png")] == [
         "exr",
         "hdr",

@@ -133,8 +133,8 @@ def test_a_file_that_is_cut_short_is_refused(tmp_path: Path, keep: int) -> None:
 
 def test_what_a_header_announces_is_limited() -> None:
     rows = b"\x02\x02\x3e\x80" + b"\xff\x01" * 504  # each kilobyte holds 16,000 pixels
-    with pytest.raises(EnvironmentMapError, match="of 16000 x 8000 pixels has more than the limit of 64 million"):
-        decode_hdr(b"#?RADIANCE\n\n-Y 8000 +X 16000\n" + rows)
+    with pytest.raises(EnvironmentMapError, match="of 16000 x 9000 pixels has more than the limit of 140 million"):
+        decode_hdr(b"#?RADIANCE\n\n-Y 9000 +X 16000\n" + rows)
     for size in ("-Y 1 +X 99999999999", f"-Y {'9' * 5000} +X 1"):
         with pytest.raises(EnvironmentMapError):
             decode_hdr(f"#?RADIANCE\n\n{size}\n".encode())

@@ -23,6 +23,7 @@ import lighting.photo_estimate as photo_estimate
 from lighting.cli import cli
 from lighting.color import SRGB_LINEAR
 from lighting.envmap.relighting import rotate_envmap
+from lighting.errors import ParameterError
 from lighting.files import write_envmap
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import Pinhole, camera_axes, camera_directions, latlong_pixel
@@ -51,6 +52,11 @@ def run(*arguments: object) -> Result:
 
 def records(folder: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (folder / "lighting.jsonl").read_text().splitlines()]
+
+
+def test_a_clip_takes_no_map_that_is_made_by_strips() -> None:
+    with pytest.raises(ParameterError, match="height is 4098; it must be an even number from 16 to 4096"):
+        output.OutputOptions(MapOptions(4098))
 
 
 def test_a_record_a_frame_and_a_map_a_shot(clip: Path, network: Path, tmp_path: Path) -> None:
