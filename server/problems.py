@@ -20,7 +20,7 @@ from lighting.fields import Json, parameter_name
 from server.limits import BusyError, ShareTakenError, TooManyUploadsError
 
 MEDIA_TYPE = "application/problem+json"
-RETRY_SECONDS = "1"
+_RETRY_SECONDS = "1"
 MAX_ERRORS = 20  # that a response names: a body of 64 kB can have 30,000
 
 FieldLocation = Literal["query", "form", "body"]  # the URL, a form's parts, a JSON body
@@ -37,7 +37,7 @@ class ProblemKind:
     title: str
     example: str = ""  # of a detail, which is that unless another is told
     meaning: str = ""  # when it is answered
-    passes: bool = False  # whether clients are to try again after RETRY_SECONDS
+    passes: bool = False  # whether clients are to try again after _RETRY_SECONDS
 
     @property
     def type(self) -> str:
@@ -296,7 +296,7 @@ class ProblemError(Exception):
     ) -> None:
         super().__init__(detail or kind.example)
         self.kind, self.detail, self.more = kind, detail or kind.example, more
-        self.headers = ({"Retry-After": RETRY_SECONDS} if kind.passes else {}) | dict(headers or {})
+        self.headers = ({"Retry-After": _RETRY_SECONDS} if kind.passes else {}) | dict(headers or {})
 
 
 def invalid_field_error(

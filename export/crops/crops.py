@@ -211,7 +211,7 @@ def balanced_weights(groups: Sequence[str], elevations: Sequence[float], power: 
     return np.asarray(weight / max(weight.sum(), 1e-12))
 
 
-def auto_exposure_gain(linear: NDArray[np.floating]) -> float:
+def _auto_exposure_gain(linear: NDArray[np.floating]) -> float:
     """The factor that brings a scene-referred view (H, W, 3) to a photo's exposure, its brighter parts near white.
 
     Args:
@@ -268,7 +268,7 @@ def crop_panorama(source: Source, camera: Camera, spec: ModelSpec, sharpness: fl
     width, height = fit_size(round(1000 * camera.aspect), 1000, spec)
     kernel = _KERNELS[source.panorama.kind]
     linear = resize(_view(source, camera, width, height, sharpness), width, height, kernel)
-    gain = auto_exposure_gain(linear) if source.panorama.kind == "hdr" else 1.0
+    gain = _auto_exposure_gain(linear) if source.panorama.kind == "hdr" else 1.0
     side = -1.0 if camera.mirrored else 1.0
     label = source.label
     nan = math.nan

@@ -157,7 +157,7 @@ def normal_angles(a: Floats, b: Floats) -> Image:
 
 Say = Callable[[str], None]
 
-FINE, COARSE = 2, 4  # every so many pixels of the shapes, in the tables of seasons and in the other
+FINE, _COARSE = 2, 4  # every so many pixels of the shapes, in the tables of seasons and in the other
 
 Table = Literal["seasons", "expected"]
 TABLES = get_args(Table)
@@ -184,7 +184,7 @@ def evaluate_normals(data: Path, network: Network, say: Say, tables: Sequence[Ta
     Raises:
         LightingError: where no shape is at hand.
     """
-    coarse = list(read_subjects(data, COARSE))
+    coarse = list(read_subjects(data, _COARSE))
     if not coarse:
         raise LightingError(f"{data} holds no scanned_objects and no meshes.")
     scanned = [subject for subject in coarse if subject.scale] or coarse

@@ -32,7 +32,7 @@ COARSE_ROWS = _CELL_ROWS * _SAMPLES_PER_CELL  # of a map that light probes are m
 _CELL_RATIO_RANGE = (0.05, 4.0)  # by which a cell of the bare map may be dimmed or lit
 FINE_SIDE = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _PLAN_ROWS = 2048  # of the map by which a taller one is planned
-STRIP_ROWS = 256  # of a tall map that are made at once: 50 MB of 8192 rows
+_STRIP_ROWS = 256  # of a tall map that are made at once: 50 MB of 8192 rows
 _CONTRAST = 0.7  # power of the network's panorama, whose contrast is too high at places that it has not learnt
 
 _GLOW_DEG = 40.0  # around a sun within which the sky's brightness is the sun's
@@ -220,7 +220,7 @@ def render_strips(
     context: PhotoContext | None = None,
     disc: bool = True,
     plan_height: int = _PLAN_ROWS,
-    strip: int = STRIP_ROWS,
+    strip: int = _STRIP_ROWS,
 ) -> Iterator[Image]:
     """Yield `render_view` of a tall map from the zenith down, a few rows (R, 2H, 3) at a time.
 

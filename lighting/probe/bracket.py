@@ -217,7 +217,7 @@ def _time_in_names(folder: Path) -> datetime | None:
         return None
 
 
-PROBE_FILE = "envmap.exr"
+_PROBE_FILE = "envmap.exr"
 TIME_ATTRIBUTE = "lighting.time"  # the header's attribute: ISO 8601 with the offset from UTC
 
 _DAY, _MOMENT = re.compile(r"\d{8}"), re.compile(r"\d{6}")
@@ -238,7 +238,7 @@ def probe_path(folder: str | Path, time: datetime) -> Path:
         folder: the root of the layout.
         time: aware.
     """
-    return Path(folder) / time.astimezone(UTC).strftime("%Y%m%d/%H%M%S") / PROBE_FILE
+    return Path(folder) / time.astimezone(UTC).strftime("%Y%m%d/%H%M%S") / _PROBE_FILE
 
 
 def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
@@ -254,10 +254,10 @@ def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
     root = Path(folder)
     if not root.is_dir():
         raise ProbeError(f"There is no folder {root}.", "folder", ErrorCode.MISSING)
-    files = root.glob(f"*/*/{PROBE_FILE}")
+    files = root.glob(f"*/*/{_PROBE_FILE}")
     dated = [path for path in files if _DAY.fullmatch(path.parts[-3]) and _MOMENT.fullmatch(path.parts[-2])]
     if not dated:
-        raise ProbeError(f"{root} holds no probe: none of its folders is YYYYMMDD/HHMMSS with {PROBE_FILE} inside.")
+        raise ProbeError(f"{root} holds no probe: none of its folders is YYYYMMDD/HHMMSS with {_PROBE_FILE} inside.")
     return sorted((_read_probe_file(path, zone) for path in dated), key=lambda probe: probe.time)
 
 

@@ -32,19 +32,19 @@ from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import Bracket
 from lighting.probe.sun_detection import Mask
 
-READ_NOISE = 2e-4  # of full scale, where rounding is finer than that
-LIGHT_NOISE = 5e-5  # variance per value: 20,000 electrons at full scale
-MIN_SAMPLES = 24  # values that a ratio is measured from
-MIN_VARIANCE_RATIO = 20.0  # variance of the values / of noise, from which a line's slope is less than 5 % too flat
-MAX_RATIO_ERROR = 0.2  # relative, of a ratio that is worth telling
-MAX_SAMPLES = 20_000  # used of them
-MIN_LINEAR_EXPONENT = 0.75  # log of the measured ratio / log of EXIF's, below which the pixels are coded by a curve
-MAX_EXIF_DIFFERENCE = 0.08  # relative, of EXIF's ratio and the pixels'; third stops round to 7 %
-MIN_EXPOSURE_STEP = 1.2  # between exposures, for their ratio to tell a curve
+_READ_NOISE = 2e-4  # of full scale, where rounding is finer than that
+_LIGHT_NOISE = 5e-5  # variance per value: 20,000 electrons at full scale
+_MIN_SAMPLES = 24  # values that a ratio is measured from
+_MIN_VARIANCE_RATIO = 20.0  # variance of the values / of noise, from which a line's slope is less than 5 % too flat
+_MAX_RATIO_ERROR = 0.2  # relative, of a ratio that is worth telling
+_MAX_SAMPLES = 20_000  # used of them
+_MIN_LINEAR_EXPONENT = 0.75  # log of the measured ratio / log of EXIF's, below which the pixels are coded by a curve
+_MAX_EXIF_DIFFERENCE = 0.08  # relative, of EXIF's ratio and the pixels'; third stops round to 7 %
+_MIN_EXPOSURE_STEP = 1.2  # between exposures, for their ratio to tell a curve
 _REWEIGHTINGS = 8  # of re-weighted least squares
 _CURVE = {True: "srgb", False: "linear"}
-MIN_VALUE, MAX_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
-MIN_SURE_SAMPLES, MAX_SURE_ERROR = 1000, 0.02  # values, and relative error, of a well measured ratio
+_MIN_VALUE, _MAX_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
+_MIN_SURE_SAMPLES, _MAX_SURE_ERROR = 1000, 0.02  # values, and relative error, of a well measured ratio
 
 
 def noise_variance(value: Any, step: Any) -> Any:
@@ -54,7 +54,7 @@ def noise_variance(value: Any, step: Any) -> Any:
         value: (...) of full scale.
         step: (...) of full scale.
     """
-    return READ_NOISE**2 + step**2 / 12 + LIGHT_NOISE * np.maximum(value, 0)
+    return _READ_NOISE**2 + step**2 / 12 + _LIGHT_NOISE * np.maximum(value, 0)
 
 
 def max_terraced_value(step: float) -> float:
@@ -63,7 +63,7 @@ def max_terraced_value(step: float) -> float:
     Args:
         step: of full scale.
     """
-    return (step**2 / 4 - READ_NOISE**2) / LIGHT_NOISE
+    return (step**2 / 4 - _READ_NOISE**2) / _LIGHT_NOISE
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class ExposureRatio:
 
     @property
     def is_sure(self) -> bool:
-        return self.samples >= MIN_SURE_SAMPLES and self.error <= MAX_SURE_ERROR
+        return self.samples >= _MIN_SURE_SAMPLES and self.error <= _MAX_SURE_ERROR
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,18 +123,18 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
 def _measure_ratio(short: LinearPhoto, long: LinearPhoto) -> ExposureRatio | None:
     """The ratio by the pixels that both show; None where they are too few."""
     full = min(long.white, float(long.pixels.max()))
-    usable = (long.pixels < MAX_VALUE * full) & (long.pixels > MIN_VALUE * full) & (short.pixels < short.white)
+    usable = (long.pixels < _MAX_VALUE * full) & (long.pixels > _MIN_VALUE * full) & (short.pixels < short.white)
     clear = usable & ~dilate(clipped_mask(long))[..., None]
-    index = np.flatnonzero(clear if clear.sum() >= MIN_SURE_SAMPLES else usable)
-    if len(index) < MIN_SAMPLES:
+    index = np.flatnonzero(clear if clear.sum() >= _MIN_SURE_SAMPLES else usable)
+    if len(index) < _MIN_SAMPLES:
         return None
-    chosen = index[:: -(-len(index) // MAX_SAMPLES)]
+    chosen = index[:: -(-len(index) // _MAX_SAMPLES)]
     x, y = (np.asarray(photo.pixels.reshape(-1)[chosen], dtype=np.float64) for photo in (long, short))
-    if x.var() < MIN_VARIANCE_RATIO * noise_variance(x.mean(), long.step):
+    if x.var() < _MIN_VARIANCE_RATIO * noise_variance(x.mean(), long.step):
         slope, error = y.mean() / x.mean(), short.step / 2 / x.mean()
     else:
         slope, error = _robust_slope(x, y)
-    if slope <= 0 or error > MAX_RATIO_ERROR * slope:
+    if slope <= 0 or error > _MAX_RATIO_ERROR * slope:
         return None
     return ExposureRatio(float(1 / slope), float(error / slope), len(index))
 
@@ -188,12 +188,12 @@ def _check_exif_ratios(
 ) -> tuple[str, ...]:
     """Warnings where the pixels contradict EXIF; ProbeError where they do as a curve would."""
     steps = zip((relative[1:] / relative[:-1]).tolist(), ratios, pairwise(names), strict=True)
-    sure = [(t, ratio.value, pair) for t, ratio, pair in steps if ratio and ratio.is_sure and t > MIN_EXPOSURE_STEP]
-    different = [(t, value, pair) for t, value, pair in sure if abs(t / value - 1) > MAX_EXIF_DIFFERENCE]
+    sure = [(t, ratio.value, pair) for t, ratio, pair in steps if ratio and ratio.is_sure and t > _MIN_EXPOSURE_STEP]
+    different = [(t, value, pair) for t, value, pair in sure if abs(t / value - 1) > _MAX_EXIF_DIFFERENCE]
     powers = [np.log(value) / np.log(t) for t, value, _ in different]
-    if powers and not MIN_LINEAR_EXPONENT < np.median(powers) < 1 / MIN_LINEAR_EXPONENT:
+    if powers and not _MIN_LINEAR_EXPONENT < np.median(powers) < 1 / _MIN_LINEAR_EXPONENT:
         t, value, _ = different[0]
-        coded = bool(np.median(powers) < MIN_LINEAR_EXPONENT)
+        coded = bool(np.median(powers) < _MIN_LINEAR_EXPONENT)
         state = "coded by a curve" if coded else "linear and were decoded as if by a curve"
         raise ProbeError(
             f"The pixels are {state}: exposures that differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the "
