@@ -177,6 +177,17 @@ describe("what is shown while something is drawn", () => {
     expect(live("horizon", "60,246,740,207", upright)?.camera).not.toEqual(live("horizon", "60,246,740,207")?.camera);
     expect(alone?.camera?.height).toBe(1.6);
   });
+
+  it("has the lens of the answer where that is known, also one that was said after lines", () => {
+    const said = {
+      ...estimate,
+      camera: { ...estimate.camera, vertical_fov: 40 },
+      evidence: ["focal length"],
+    } as Estimate;
+    const [mark] = readMarks(text(pixel(-1, -5), pixel(-1, -5, 2.5))) as [Mark];
+    const shown = liveOf(said, CAMERA, SIZE, "vertical", mark, (name) => (name === "vertical" ? [mark] : []));
+    expect(shown?.camera?.vertical_fov).toBe(40);
+  });
 });
 
 describe("the text of what is drawn", () => {

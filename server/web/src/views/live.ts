@@ -38,7 +38,9 @@ export function liveOf(
     verticals: edges.filter(({ prefix }) => !prefix).flatMap(({ lines }) => lines),
     levels: edges.filter(({ prefix, lines }) => prefix && lines.length > 1).map(({ lines }) => lines),
   };
-  const fitted = fitCamera(pixelCamera, lines, size, evidence.includes("focal length"));
+  const isLensKnown = evidence.includes("focal length");
+  const start = isLensKnown ? { ...pixelCamera, vertical_fov: camera.vertical_fov } : pixelCamera;
+  const fitted = fitCamera(start, lines, size, isLensKnown);
   return fitted && { camera: { ...fitted, ...(camera.height === undefined ? {} : { height: camera.height }) } };
 }
 

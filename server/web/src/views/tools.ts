@@ -73,7 +73,8 @@ export class Tools {
     const isOther = view.photo !== this.view?.photo;
     this.view = view;
     this.asked = undefined;
-    this.touched = Math.min(this.touched, readMarks(view.userInput.shadow).length - 1);
+    const last = readMarks(view.userInput.shadow).length - 1;
+    if (this.touched < 0 || this.touched > last) this.touched = last;
     if (isOther) this.explain();
     const draws = alone && view.photo.area !== undefined;
     for (const tool of Object.keys(KINDS)) findRadio(byId("tools"), tool).disabled = !draws;
