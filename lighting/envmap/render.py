@@ -112,7 +112,7 @@ def render_rows(
         gain: of a sky without a unit of its own, as `render_bare` finds it.
     """
     if _may_be_capped(lighting):
-        raise _too_bright()
+        raise _too_bright(f"a map of over {MAX_WHOLE_HEIGHT} rows")
     if first < rows.shape[1] // 4:
         _render_sky(rows, first, lighting, gain)
     else:
@@ -635,7 +635,7 @@ def _cap_radiance(levels: Floats, rows: Image) -> None:
     raise _too_bright()
 
 
-def _too_bright() -> ParameterError:
-    """Return the error of a light that no map holds whose values end at MAX_RADIANCE."""
-    sentence = f"The light is too bright for a map, whose values end at {MAX_RADIANCE:.0f}; lower the exposure."
+def _too_bright(image: str = "a map") -> ParameterError:
+    """Return the error of a light that an image cannot hold, whose values end at MAX_RADIANCE."""
+    sentence = f"The light is too bright for {image}, whose values end at {MAX_RADIANCE:.0f}; lower the exposure."
     return ParameterError(sentence, "exposure", ErrorCode.OUT_OF_RANGE)
