@@ -158,7 +158,7 @@ class MapOptions:
     height: int = option(
         512, OptionText("rows of the map, even; columns are twice that", "ROWS", (MIN_HEIGHT, MAX_HEIGHT), 512)
     )
-    """Rows of the map, even, 16 to 8192; of previews, scenes and clips up to 4096."""
+    """Rows of the map, even, 16 to 8192; of previews, scenes, days and clips up to 4096."""
     sun: bool | None = option(None, OptionText("paint the sun; by default if it likely shines"))
     """Whether the sun is in the map; True also turns on one that did not shine. None: by `Lighting.sun_painted`."""
     yaw: float = option(

@@ -7,7 +7,7 @@ import { groundRay, heightOver } from "./marks";
 export type Line = readonly [Point, Point];
 
 /** Lines in pixels of a photo. */
-export interface DrawnLines {
+interface DrawnLines {
   horizon?: Line | undefined;
   verticals: readonly Line[];
   levels: readonly (readonly Line[])[]; // of each level direction, edges that are parallel
