@@ -13,11 +13,11 @@ import lighting.photo_estimate as photo_estimate
 from lighting.color import srgb_decode
 from lighting.envmap.detail_library import load_detail_library
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
+from lighting.envmap.photo_edges import extrapolate_edges
 from lighting.envmap.relighting import edit_lighting, rotate_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import (
     PhotoContext,
-    _extrapolate_edges,
     _move_glow,
     render_strips,
     render_view,
@@ -55,13 +55,13 @@ def linear(colour: tuple[int, int, int]) -> np.ndarray:
 
 
 def test_the_cells_that_a_photo_shows_become_its_own() -> None:
-    there = _extrapolate_edges(cells(), photo(BLUE, RED), LIGHT) * cells()
+    there = extrapolate_edges(cells(), photo(BLUE, RED), LIGHT) * cells()
     np.testing.assert_allclose(there[10:12, AHEAD], np.broadcast_to(linear(BLUE), (2, 4, 3)), rtol=1e-3)
     np.testing.assert_allclose(there[12:14, AHEAD], np.broadcast_to(linear(RED), (2, 4, 3)), rtol=1e-3)
 
 
 def test_beside_it_they_fade_with_the_distance_on_their_side_of_the_horizon() -> None:
-    factors = _extrapolate_edges(cells(), photo(BLUE, RED), LIGHT)
+    factors = extrapolate_edges(cells(), photo(BLUE, RED), LIGHT)
     above, below = (np.log(factors[row, :24] / factors[row, :24, 1:2]) for row in (11, 12))
     for line, strongest in ((above, 2), (below, 0)):
         assert (np.diff(line[:, strongest]) >= -1e-6).all()  # from behind, at column 0, to ahead
@@ -73,7 +73,7 @@ def test_beside_it_they_fade_with_the_distance_on_their_side_of_the_horizon() ->
 def test_a_tree_at_the_edge_goes_on_at_its_own_height() -> None:
     pixels = photo((128, 128, 128), (128, 128, 128))
     pixels[20:45, 100:] = 10  # at the right, up to 15°
-    factors = _extrapolate_edges(cells(), pixels, LIGHT)[..., 1]
+    factors = extrapolate_edges(cells(), pixels, LIGHT)[..., 1]
     assert factors[11, 30] < 0.3 * factors[11, 17]
     assert factors[4, 30] > 0.8 * factors[4, 17]
 
@@ -85,7 +85,7 @@ def test_people_and_things_do_not_go_on(passing: SurfaceClass) -> None:
     segments = np.zeros((18, 24, len(SurfaceClass)), np.float32)
     segments[:, :12, SurfaceClass.GROUND] = segments[:, 12:, passing] = 1
     alone, with_thing = (
-        _extrapolate_edges(cells(), p, LIGHT, segments=s) for p, s in ((pixels, None), (pixels, segments))
+        extrapolate_edges(cells(), p, LIGHT, segments=s) for p, s in ((pixels, None), (pixels, segments))
     )
     ratio = with_thing[..., 0] / with_thing[..., 2]
     assert (alone[12, 26:30, 0] > alone[12, 26:30, 2]).all()
@@ -93,14 +93,14 @@ def test_people_and_things_do_not_go_on(passing: SurfaceClass) -> None:
 
 
 def test_white_pixels_darken_nothing() -> None:
-    factors = _extrapolate_edges(cells(3.0), photo((255, 255, 255), (255, 255, 255)), LIGHT)
+    factors = extrapolate_edges(cells(3.0), photo((255, 255, 255), (255, 255, 255)), LIGHT)
     np.testing.assert_allclose(factors, 1.0, rtol=1e-5)
 
 
 def test_no_factor_leaves_its_range() -> None:
     dark, light = (
-        _extrapolate_edges(cells(50.0), photo(RED, RED), LIGHT),
-        _extrapolate_edges(cells(1e-6), photo(RED, RED), LIGHT),
+        extrapolate_edges(cells(50.0), photo(RED, RED), LIGHT),
+        extrapolate_edges(cells(1e-6), photo(RED, RED), LIGHT),
     )
     assert dark.min() == pytest.approx(0.05)
     assert light.max() == pytest.approx(4.0)
@@ -108,7 +108,7 @@ def test_no_factor_leaves_its_range() -> None:
 
 @pytest.mark.parametrize(("change", "same"), [({"vertical_fov": 1.0}, False), ({"camera_elevation": 80.0}, True)])
 def test_the_half_that_a_photo_does_not_show_stays(change: dict[str, Any], same: bool) -> None:
-    factors = _extrapolate_edges(cells(), photo(RED, RED), replace(LIGHT, **change))
+    factors = extrapolate_edges(cells(), photo(RED, RED), replace(LIGHT, **change))
     assert np.isfinite(factors).all()
     assert bool((factors[12:] == 1).all()) == same
 
