@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
-from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET, LibraryDetail
+from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET
 from lighting.envmap.latlong import (
     Image,
     blur_cells,
@@ -25,6 +25,7 @@ from lighting.envmap.latlong import (
     shrink_envmap,
     widen_cells,
 )
+from lighting.envmap.library_picture import LibraryDetail
 from lighting.envmap.projection import CLIPPED, PhotoProjection, sample_cells
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
 from lighting.prediction import Segments, SurfaceClass, pixel_share

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import lighting.envmap.detail_library as detail_library
 import lighting.envmap.latlong as latlong
+import lighting.envmap.library_picture as library_picture
 from lighting.color import LUMINANCE_WEIGHTS, check_pixels
 from lighting.envmap.detail import MIN_ROWS, AddedDetail, add_detail
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells
@@ -303,14 +304,14 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
     return _coarse_map(lighting, context)[1]
 
 
-def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> detail_library.LibraryDetail:
+def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> library_picture.LibraryDetail:
     """The detail of the library for a photo."""
     chosen_by = context.first or context
     if chosen_by.light:
         source = chosen_by.own_source
     else:
         source = detail_library.choose_source(describe_place(lighting, context), context.backdrop)
-    return detail_library.LibraryDetail(source, height)
+    return library_picture.LibraryDetail(source, height)
 
 
 def describe_place(lighting: Lighting, context: PhotoContext) -> detail_library.PhotoFeatures:

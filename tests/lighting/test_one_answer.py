@@ -12,6 +12,7 @@ from starlette.testclient import TestClient
 
 import lighting
 import lighting.envmap.detail_library as detail_library
+import lighting.envmap.library_picture as library_picture
 from lighting.batch.job import BatchJob, MapOutput, estimate_or_error, load_worker_estimator
 from lighting.estimator import Estimator, render_lighting
 from lighting.files.exr import read_exr_attributes
@@ -97,13 +98,13 @@ EXAMPLE_NAMES = ("wide_street", "snow_field", "brick_street", "lake_clouds", "be
 def test_every_door_shows_the_same_place(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Map, preview and scene of a command, a batch, the service and Python take their detail from one place."""
     photo, chosen = EXAMPLES / f"{name}.jpg", list[object]()
-    make = detail_library.LibraryDetail
+    make = library_picture.LibraryDetail
 
-    def watch(source: detail_library.DetailSource, height: int) -> detail_library.LibraryDetail:
+    def watch(source: detail_library.DetailSource, height: int) -> library_picture.LibraryDetail:
         chosen.append(source)
         return make(source, height)
 
-    monkeypatch.setattr(detail_library, "LibraryDetail", watch)
+    monkeypatch.setattr(library_picture, "LibraryDetail", watch)
     answer = lighting.estimate(photo)
     answer.envmap(64)
     answer.envmap(1024)

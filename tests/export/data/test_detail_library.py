@@ -16,6 +16,7 @@ from export.data.detail_library import (
     read_detail_library,
     write_detail_library,
 )
+from lighting.envmap.library_picture import detail_picture
 from lighting.envmap.place_kinds import KIND_FEATURES, PLACE_KINDS
 from lighting.geometry import angle_between, direction, latlong_directions
 
@@ -71,7 +72,7 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
     assert library.names == ("a", "d", "e")
     assert library.sunlit.tolist() == [True] * 3
     assert library.sun_azimuth.tolist() == [-20.0] * 3
-    picture = detail_library._detail_picture(detail_library.DetailChoice(0, False, 0.0), 96, library=library)
+    picture = detail_picture(detail_library.DetailChoice(0, False, 0.0), 96, library=library)
     assert picture.columns(slice(0, 192)).shape == (96, 192, 3)
     assert np.isfinite(library.features).all()
     assert library.kind.tolist() == ["city"] * 3

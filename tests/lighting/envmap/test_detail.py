@@ -14,7 +14,6 @@ from lighting.envmap.detail_library import (
     FEATURES,
     DetailChoice,
     PhotoFeatures,
-    _detail_picture,
     _feature_weights,
     cell_features,
     choose_source,
@@ -22,6 +21,7 @@ from lighting.envmap.detail_library import (
     load_detail_library,
 )
 from lighting.envmap.latlong import blur_cells, envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
+from lighting.envmap.library_picture import detail_picture
 from lighting.envmap.place_kinds import PLACE_KINDS
 from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import edit_lighting
@@ -386,18 +386,18 @@ def test_what_is_dark_before_the_sky_has_its_own_color() -> None:
 def test_pictures_are_rotated_and_flipped() -> None:
     everything = slice(0, 128)
     plain, turned, flipped = (
-        _detail_picture(choice, 64).columns(everything).astype(int)
+        detail_picture(choice, 64).columns(everything).astype(int)
         for choice in (DetailChoice(5, False, 0.0), DetailChoice(5, False, 90.0), DetailChoice(5, True, 0.0))
     )
     np.testing.assert_array_equal(np.roll(plain, 32, axis=1), turned)
     assert np.abs(plain[:, ::-1] - flipped).mean() < 1.0
-    grey = _detail_picture(DetailChoice(5, False, 0.0), 64, saturation=0.0).columns(everything)
+    grey = detail_picture(DetailChoice(5, False, 0.0), 64, saturation=0.0).columns(everything)
     assert (grey[..., 0] == grey[..., 1]).all()
 
 
 @pytest.mark.parametrize("height", [96, 600])
 def test_columns_of_a_picture_are_those_of_the_whole(height: int) -> None:
-    picture = _detail_picture(DetailChoice(5, False, 100.0), height)
+    picture = detail_picture(DetailChoice(5, False, 100.0), height)
     whole = picture.columns(slice(0, 2 * height))
     assert whole.shape == (height, 2 * height, 3)
     for columns in (slice(0, 64), slice(64, 128), slice(128, 2 * height)):
