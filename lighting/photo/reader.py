@@ -319,13 +319,7 @@ def describe_layout(layout: Layout, width: int, height: int, subject: str = "pho
 
 
 def _pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
-    """How many pixels a picture of this kind may have, and the kind's name for people.
-
-    Args:
-        image: opened, not decoded.
-        data: of its file.
-        max_pixels: of any kind.
-    """
+    """How many pixels a picture that is not yet decoded may have by its kind, and the kind's name for people."""
     max_pixels = min(max_pixels, PILLOW_MAX_PIXELS)
     kind = "JPEG" if image.format == "MPO" else str(image.format)
     coefficients = containers.dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
