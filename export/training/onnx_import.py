@@ -199,6 +199,8 @@ def _recalibrate_batch_norm(network: nn.Module, photos: Iterable[Tensor]) -> Non
         sums.setdefault(module, []).append(new)
 
     trained = [m for m in network.modules() if isinstance(m, nn.BatchNorm2d) and m.weight.requires_grad]
+    if not trained:  # as in a transformer
+        return
     hooks = [module.register_forward_pre_hook(add_sums) for module in trained]
     network.eval()
     with torch.inference_mode():
