@@ -73,14 +73,15 @@ def option_texts(record: type) -> dict[str, OptionText]:
     return texts | made
 
 
-def check_option(name: str, value: object, text: OptionText) -> None:
+def check_option(record: type, name: str, value: object) -> None:
     """Raise ParameterError for a value that an option does not take.
 
     Args:
+        record: a dataclass that has the option.
         name: of the option.
         value: of it.
-        text: with its range or choices.
     """
+    text: OptionText = next(f for f in fields(record) if f.name == name).metadata["text"]
     if text.range is not None:
         check_range(name, value, *text.range)
     if text.choices is not None and not (isinstance(value, str) and value in text.choices()):
@@ -123,13 +124,12 @@ class Adjustments:
                 raise ParameterError.about("sun", predicate, ErrorCode.WRONG_TYPE)
             check_range("sun", self.sun[0], *_SUN_AZIMUTH_RANGE, subject="The sun's azimuth")
             check_range("sun", self.sun[1], *RANGES["sun_elevation"], subject="The sun's elevation")
-        texts = option_texts(Adjustments)
         for name in ("exposure", "haze"):
             if (value := getattr(self, name)) is not None:
-                check_option(name, value, texts[name])
+                check_option(Adjustments, name, value)
         _check_flag("overcast", self.overcast)
         if self.pick is not None:
-            check_option("pick", str(self.pick), texts["pick"])
+            check_option(Adjustments, "pick", str(self.pick))
             object.__setattr__(self, "pick", int(self.pick))
             if self.sun is not None:
                 raise ParameterError.about(
@@ -201,10 +201,9 @@ class MapOptions:
         convert_numpy_numbers(self, "yaw", "height")
         if isinstance(self.around, Around):
             object.__setattr__(self, "around", self.around.value)
-        texts = option_texts(MapOptions)
         for name in ("yaw", "sky", "around", "backdrop"):
             if (value := getattr(self, name)) is not None:
-                check_option(name, value, texts[name])
+                check_option(MapOptions, name, value)
         if self.backdrop is not None and self.around not in (None, Around.PLACE.value):
             predicate = f'is for around "place", not "{self.around}".'
             raise ParameterError.about("backdrop", predicate, ErrorCode.CONTRADICTION)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.fields import describe_fields
-from lighting.map_options import OptionText, check_option, option, option_texts
+from lighting.map_options import OptionText, check_option, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -124,8 +124,7 @@ class FileOptions:
     """Of an EXR, one of `color.COLOR_SPACES`; the record in it stays in Rec.709."""
 
     def __post_init__(self) -> None:
-        texts = option_texts(FileOptions)
-        check_option("format", self.format, texts["format"])
+        check_option(FileOptions, "format", self.format)
         for name, takes in (("compression", "takes_compression"), ("colors", "has_header")):
             value = getattr(self, name)
             if isinstance(value, str) and value == getattr(FileOptions, name):
@@ -137,7 +136,7 @@ class FileOptions:
                 from lighting.files.exr import check_exr_compression
 
                 check_exr_compression(value)
-            check_option(name, value, texts[name])
+            check_option(FileOptions, name, value)
 
     def for_path(self, path: str | os.PathLike[str]) -> Self:
         """Return the options with the format that a path's suffix names.
