@@ -20,6 +20,7 @@ from PIL import Image
 
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from lighting.color import SRGB_LINEAR, luminance, tone_map
+from lighting.envmap.appearance import KIND_FEATURES, PLACE_KINDS
 from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_RANGE,
@@ -31,7 +32,6 @@ from lighting.envmap.detail_library import (
     class_features,
 )
 from lighting.envmap.latlong import shrink_envmap
-from lighting.envmap.place_kinds import KIND_FEATURES, PLACE_KINDS
 from lighting.geometry import (
     Floats,
     Pinhole,
@@ -160,7 +160,7 @@ def write_detail_library(file: Path, table: NDArray[np.void], weights: NDArray[n
     Args:
         file: the library's.
         table: (N,) a row for each panorama.
-        weights: (F + 1, K) of `place_kinds.kind_probability`.
+        weights: (F + 1, K) of `appearance.kind_probability`.
         pictures: of all, one after the other.
     """
     with file.open("wb") as stream:

@@ -20,9 +20,9 @@ from export.crops.crops import crop_rng
 from export.data.detail_library import level_views, library_pictures, read_detail_library, write_detail_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture, read_table
 from lighting.color import tone_map
+from lighting.envmap.appearance import PLACE_KINDS, kind_features, kind_probability
 from lighting.envmap.detail_library import LIBRARY_PATH
 from lighting.envmap.latlong import shrink_envmap
-from lighting.envmap.place_kinds import PLACE_KINDS, kind_features, kind_probability
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from lighting.checksum import DATA_FOLDER, verify_checksum
 from lighting.color import LUMINANCE_WEIGHTS
-from lighting.envmap.appearance import PhotoSamples, shows_snow
+from lighting.envmap.appearance import PLACE_KINDS, PhotoSamples, kind_features, kind_probability, shows_snow
 from lighting.envmap.latlong import Image
-from lighting.envmap.place_kinds import PLACE_KINDS, kind_features, kind_probability
 from lighting.envmap.projection import sample_cells
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.prediction import PASSING_THINGS, Segments, SurfaceClass

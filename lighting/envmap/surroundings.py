@@ -20,8 +20,7 @@ import lighting.envmap.library_picture as library_picture
 from lighting.color import LUMINANCE_WEIGHTS, check_pixels
 from lighting.envmap.detail import MIN_ROWS, AddedDetail, add_detail
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells
-from lighting.envmap.photo_edges import CELL_RATIO_RANGE, extrapolate_edges
-from lighting.envmap.projection import PhotoProjection, PhotoScale, project_photo
+from lighting.envmap.projection import CELL_RATIO_RANGE, PhotoProjection, PhotoScale, extrapolate_edges, project_photo
 from lighting.envmap.render import add_sun, cap_map, render, render_bare, render_rows, sun_in_map
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, latlong_directions

@@ -16,8 +16,8 @@ from export.data.detail_library import (
     read_detail_library,
     write_detail_library,
 )
+from lighting.envmap.appearance import KIND_FEATURES, PLACE_KINDS
 from lighting.envmap.library_picture import detail_picture
-from lighting.envmap.place_kinds import KIND_FEATURES, PLACE_KINDS
 from lighting.geometry import angle_between, direction, latlong_directions
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lighting.color import luminance
+from lighting.envmap.appearance import PLACE_KINDS
 from lighting.envmap.detail import MIN_ROWS, _color_dark, _own_tint
 from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
@@ -22,7 +23,6 @@ from lighting.envmap.detail_library import (
 )
 from lighting.envmap.latlong import blur_cells, envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
 from lighting.envmap.library_picture import detail_picture
-from lighting.envmap.place_kinds import PLACE_KINDS
 from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings

@@ -13,7 +13,7 @@ import lighting.photo_estimate as photo_estimate
 from lighting.color import srgb_decode
 from lighting.envmap.detail_library import load_detail_library
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
-from lighting.envmap.photo_edges import extrapolate_edges
+from lighting.envmap.projection import extrapolate_edges
 from lighting.envmap.relighting import edit_lighting, rotate_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import (
