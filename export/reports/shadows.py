@@ -14,7 +14,7 @@ from export.data.panoramas import read_table
 from export.evaluation.metrics import markdown_table
 from lighting.errors import ParameterError
 from lighting.estimator import Estimator
-from lighting.fusion.shadows import LitSide, OwnShadow, Shadow, ShadowMark, read_shadow
+from lighting.fusion.marks import LitSide, OwnShadow, Shadow, ShadowMark, read_shadow
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.model import Model

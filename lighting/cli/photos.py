@@ -32,7 +32,7 @@ from lighting.start import StartedNetwork, exit_on_interrupt
 
 if TYPE_CHECKING:
     from lighting.estimator import Estimator
-    from lighting.fusion.drawn_camera import KnownCamera
+    from lighting.fusion.marks import KnownCamera
     from lighting.fusion.user_input import UserInput
     from lighting.model import Model
     from lighting.photo_estimate import Estimate

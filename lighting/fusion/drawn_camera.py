@@ -15,16 +15,15 @@ References:
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES
+from lighting.fusion.marks import DrawnCamera, KnownCamera, LevelLines, Line, Reference
 from lighting.geometry import Floats, Pinhole, pixel_ray
-
-Line = tuple[float, float, float, float]
 
 _HAND_STD = 0.003  # of an end of a line, as a share of the photo's longer side
 _UPRIGHT_STD = 0.3  # deg, of things that stand upright, or are level and parallel
@@ -35,212 +34,9 @@ _CORNER_STD = 0.5  # deg, of the right angle between two level directions
 _MAX_CORNER = 20.0  # deg by which that angle may be off a right one by the pixels' camera, to be one
 _MAX_SKEW = 5.0  # deg by which a line may be off the common direction of parallel ones
 _MAX_LEAN = 30.0  # deg from the camera's vertical, of an upright line by the pixels' camera
-_MIN_LENGTH = 10.0  # pixels, of a line
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
 _STEPS, _MAX_STEP = 20, np.array([15.0, 15.0, 0.5, 0.1, 0.1])  # of Gauss and Newton
 _DIFFERENCE = 1e-4  # of numerical derivatives
-
-
-@dataclass(frozen=True)
-class Reference:
-    """A thing of known size that stands on the ground, or lies on it; points are (x, y) pixels of the upright photo."""
-
-    start: tuple[float, float]
-    """Its foot; of one that lies, an end of it."""
-    end: tuple[float, float]
-    """Its upper end; of one that lies, the other end."""
-    meters: float
-    """How long it is, 0.01 to 1000."""
-    lies: bool = False
-    """Whether it lies on the ground, where any two points of the ground do."""
-
-
-@dataclass(frozen=True)
-class LevelLines:
-    """Edges that are level in the world and parallel to each other, two or more; x, y, x, y in pixels."""
-
-    lines: tuple[Line, ...]
-    """One of each edge."""
-
-
-@dataclass(frozen=True)
-class KnownCamera:
-    """A camera that another program has found."""
-
-    elevation: float
-    """Deg, -90 to 90: positive looks up."""
-    roll: float
-    """Deg, -180 to 180: positive turns the camera clockwise."""
-    vertical_fov: float
-    """Deg, 1 to 170, of the whole upright picture."""
-
-
-@dataclass(frozen=True)
-class DrawnCamera:
-    """What a person states of the camera in one photo; lines are x, y, x, y in pixels."""
-
-    horizon: Line | None = None
-    """Two points of the horizon. None: not drawn."""
-    verticals: tuple[Line, ...] = ()
-    """Edges that stand upright in the world."""
-    levels: tuple[LevelLines, ...] = ()
-    """Level edges, one for each direction."""
-    known: KnownCamera | None = None
-    """In place of lines. None: not known."""
-
-    def move(self, right: float, down: float) -> "DrawnCamera":
-        """Return the same with all lines moved.
-
-        Args:
-            right: pixels.
-            down: pixels.
-        """
-
-        def moved(line: Line) -> Line:
-            return line[0] + right, line[1] + down, line[2] + right, line[3] + down
-
-        return replace(
-            self,
-            horizon=self.horizon and moved(self.horizon),
-            verticals=tuple(map(moved, self.verticals)),
-            levels=tuple(LevelLines(tuple(map(moved, group.lines))) for group in self.levels),
-        )
-
-
-def read_line(text: str, field: str) -> Line:
-    """Read a line such as "0,410,1200,395".
-
-    Args:
-        text: x and y of its ends in pixels of the upright photo.
-        field: that it is for, in the error.
-
-    Raises:
-        ParameterError: for any other text.
-    """
-    match _numbers(text):
-        case [a, b, c, d]:
-            return a, b, c, d
-    sentence = f"{text!r} is no line in pixels such as 0,410,1200,395."
-    raise ParameterError(sentence, field, ErrorCode.MALFORMED)
-
-
-def read_edge(text: str) -> Line | LevelLines:
-    """Read an upright line such as "80,700,95,150", or level ones such as "level:80,300,500,340,80,600,500,560".
-
-    Args:
-        text: x and y of a line's ends in pixels of the upright photo; after "level:" those of two or more lines.
-
-    Raises:
-        ParameterError: for any other text.
-    """
-    kind, _, numbers = text.strip().rpartition(":")
-    match kind, _numbers(numbers):
-        case "", [a, b, c, d]:
-            return a, b, c, d
-        case "level", [_, _, _, _, _, _, _, _, *_] as found if len(found) % 4 == 0:
-            return LevelLines(tuple((a, b, c, d) for a, b, c, d in zip(*(found[i::4] for i in range(4)), strict=True)))
-    sentence = f"{text!r} is no edge in pixels such as 80,700,95,150 or level:80,300,500,340,80,600,500,560."
-    raise ParameterError(sentence, "verticals", ErrorCode.MALFORMED)
-
-
-def read_spot(text: str) -> tuple[float, float]:
-    """Read a spot such as "640,820".
-
-    Args:
-        text: x and y in pixels of the upright photo.
-
-    Raises:
-        ParameterError: for any other text.
-    """
-    match _numbers(text):
-        case [x, y]:
-            return x, y
-    raise ParameterError(f"{text!r} is no spot in pixels such as 640,820.", "spot", ErrorCode.MALFORMED)
-
-
-def read_reference(text: str) -> Reference:
-    """Read a thing of known size such as "310,820,305,400,1.8" or "ground:300,900,700,880,5".
-
-    Args:
-        text: its foot and its upper end in pixels of the upright photo, and meters; after "ground:" the two ends of
-            what lies on the ground.
-
-    Raises:
-        ParameterError: for any other text.
-    """
-    kind, _, numbers = text.strip().rpartition(":")
-    match kind, _numbers(numbers):
-        case (("" | "ground"), [a, b, c, d, meters]):
-            return Reference((a, b), (c, d), meters, kind == "ground")
-    sentence = f"{text!r} is no thing of known size such as 310,820,305,400,1.8 or ground:300,900,700,880,5."
-    raise ParameterError(sentence, "reference", ErrorCode.MALFORMED)
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(number) for number in text.split(",")]
-    except ValueError:
-        return []
-
-
-def check_line(line: object, field: str) -> None:
-    """Raise ParameterError for what is no line of a photo.
-
-    Args:
-        line: what a caller passed as one.
-        field: that it is for.
-    """
-    if not isinstance(line, tuple) or len(line) != 4 or not all(map(_is_finite, line)):
-        sentence = "A line is four numbers: x and y of its two ends, in pixels."
-        raise ParameterError(sentence, field, ErrorCode.WRONG_TYPE)
-    if math.dist(line[:2], line[2:]) < _MIN_LENGTH:
-        sentence = f"A line is shorter than {_MIN_LENGTH:.0f} pixels; draw a longer one."
-        raise ParameterError(sentence, field, ErrorCode.OUT_OF_RANGE)
-
-
-def check_edge(edge: object) -> None:
-    """Raise ParameterError for what is neither an upright line nor level ones.
-
-    Args:
-        edge: what a caller passed as one.
-    """
-    if not isinstance(edge, LevelLines):
-        check_line(edge, "verticals")
-        return
-    if not isinstance(edge.lines, tuple) or len(edge.lines) < 2:
-        sentence = "Level lines are two or more that are parallel in the world."
-        raise ParameterError(sentence, "verticals", ErrorCode.WRONG_TYPE)
-    for line in edge.lines:
-        check_line(line, "verticals")
-
-
-def check_spot(spot: object) -> None:
-    """Raise ParameterError for what is no point of a photo.
-
-    Args:
-        spot: what a caller passed as one.
-    """
-    if not isinstance(spot, tuple) or len(spot) != 2 or not all(map(_is_finite, spot)):
-        raise ParameterError("A spot is two numbers: x and y, in pixels.", "spot", ErrorCode.WRONG_TYPE)
-
-
-def check_reference(reference: object) -> None:
-    """Raise ParameterError for what is no thing of known size.
-
-    Args:
-        reference: what a caller passed as one.
-    """
-    if not isinstance(reference, Reference):
-        sentence = "A reference is a Reference, or a text such as 310,820,305,400,1.8."
-        raise ParameterError(sentence, "reference", ErrorCode.WRONG_TYPE)
-    check_line((*reference.start, *reference.end), "reference")
-    if not (_is_finite(reference.meters) and 0.01 <= reference.meters <= 1000):
-        sentence = f"A reference is 0.01 to 1000 meters long, not {reference.meters!r}."
-        raise ParameterError(sentence, "reference", ErrorCode.OUT_OF_RANGE)
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinhole:

@@ -30,10 +30,10 @@ from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import CodedWarning, WarningCode
 from lighting.fields import clip_to_range, round_significant
-from lighting.fusion.drawn_camera import Reference, height_by_reference
+from lighting.fusion.drawn_camera import height_by_reference
 from lighting.fusion.instants import Instant
+from lighting.fusion.marks import Reference, move_mark
 from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_single
-from lighting.fusion.shadows import move_mark
 from lighting.fusion.single_view import Observations, Posterior, fuse_single_view
 from lighting.fusion.time_zones import resolve_hemisphere
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput

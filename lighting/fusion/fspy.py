@@ -6,7 +6,8 @@ import struct
 import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fusion.drawn_camera import KnownCamera, camera_through
+from lighting.fusion.drawn_camera import camera_through
+from lighting.fusion.marks import KnownCamera
 from lighting.geometry import Floats
 
 _FSPY_HEADER = struct.Struct("<4sIII")  # name, version, bytes of the state, bytes of the picture

@@ -15,17 +15,14 @@ likelihood is wider, and another one is the same everywhere.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fusion.marks import LitSide, OwnShadow, Point, Shadow, ShadowLine, ShadowMark, marked_points
 from lighting.geometry import Floats, Pinhole, angles, pixel_ray, wrap_azimuth
-
-Point = tuple[float, float]
 
 # Fitted to the logarithmic loss of 105 marks, doubtful ones among them; 50 and 90 % regions of sure ones hold as much:
 # `python -m export report shadows` prints it.
@@ -41,134 +38,7 @@ _DOUBTED_RATES = (0.6, 0.2)  # those of doubted shadows
 _BORDER_STD = 30.0  # deg of azimuth, by the border of a lit side
 _SIDE_OUTLIER_RATE = 0.1  # share of lit sides that are wrong
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
-_MIN_LENGTH = 3.0  # pixels, of a mark
 _STEP = 1e-3  # of the numerical derivatives: deg, and shares
-
-
-@dataclass(frozen=True)
-class Shadow:
-    """The shadow of an upright thing on level ground; points are (x, y) pixels of the upright photo."""
-
-    foot: Point
-    """Where the thing stands, at whose foot its shadow begins."""
-    tip: Point
-    """Where its shadow ends, or the photo."""
-    top: Point | None = None
-    """The thing's upper end, whose shadow the tip is. None: not in the picture, or the tip is not."""
-    is_doubted: bool = False
-    """Whether who marks it doubts it: foot or tip is guessed, the thing leans, or the ground slopes."""
-
-
-@dataclass(frozen=True)
-class OwnShadow:
-    """The shadow of the camera, or of the head of who holds it; the point is (x, y) pixels of the upright photo."""
-
-    point: Point
-    """Its middle."""
-    is_head: bool = False
-    """Whether it is the head's, which tells the azimuth alone."""
-
-
-@dataclass(frozen=True)
-class ShadowLine:
-    """A straight edge of a shadow on level ground, cast by something upright; points as in `Shadow`, in any order."""
-
-    start: Point
-    """One point on it."""
-    end: Point
-    """Another one."""
-
-
-@dataclass(frozen=True)
-class LitSide:
-    """The two sides of a wall's corner, a post or a trunk; points as in `Shadow`."""
-
-    shaded: Point
-    """On the side in shade."""
-    lit: Point
-    """On the side that the sun lights."""
-    border: Point | None = None
-    """Where shade turns into light; the other two points are then the thing's edges. None: not told."""
-
-
-ShadowMark = Shadow | OwnShadow | ShadowLine | LitSide
-
-
-def marked_points(mark: ShadowMark) -> list[Point]:
-    """Return the points of a mark, (x, y) in its own order.
-
-    Args:
-        mark: of any kind.
-    """
-    points = [getattr(mark, name) for name in mark.__dataclass_fields__]
-    return [point for point in points if isinstance(point, tuple)]
-
-
-def move_mark(mark: ShadowMark, right: float, down: float) -> ShadowMark:
-    """Return a mark whose points are moved.
-
-    Args:
-        mark: of any kind.
-        right: pixels.
-        down: pixels.
-    """
-    values = {name: getattr(mark, name) for name in mark.__dataclass_fields__}
-    moved: Any = {name: (p[0] + right, p[1] + down) for name, p in values.items() if isinstance(p, tuple)}
-    return replace(mark, **moved)
-
-
-def read_shadow(text: str) -> ShadowMark:
-    """Read a mark as the command line and HTTP write it.
-
-    Args:
-        text: pixels of the upright photo. A shadow is "FOOT_X,FOOT_Y,TIP_X,TIP_Y", with ",TOP_X,TOP_Y" where the
-            thing's top is seen, and "doubt:" before it where foot or tip is a guess. Others are "own:X,Y", "head:X,Y",
-            "line:X,Y,X,Y" and "lit:X,Y,X,Y". The last goes from shade to light; ",X,Y" may add their border.
-
-    Raises:
-        ParameterError: for any other text.
-    """
-    kind, colon, numbers = text.strip().rpartition(":")
-    try:
-        values = [float(number) for number in numbers.split(",")]
-    except ValueError:
-        values = []
-    points = list(zip(values[::2], values[1::2], strict=False)) if len(values) % 2 == 0 else []
-    make = _KINDS.get(kind) if kind or not colon else None
-    if make is None or len(points) not in make[0]:
-        sentence = f"{text!r} is no shadow such as 310,820,455,790 (foot and tip), own:300,900 or lit:500,400,560,400."
-        raise ParameterError(sentence, "shadows", ErrorCode.MALFORMED)
-    return make[1](*points)
-
-
-_KINDS: dict[str, tuple[tuple[int, ...], Callable[..., ShadowMark]]] = {  # by prefix: how many points, and the mark
-    "": ((2, 3), Shadow),
-    "doubt": ((2, 3), partial(Shadow, is_doubted=True)),
-    "own": ((1,), OwnShadow),
-    "head": ((1,), partial(OwnShadow, is_head=True)),
-    "line": ((2,), ShadowLine),
-    "lit": ((2, 3), LitSide),
-}
-
-
-def check_marks(marks: object) -> None:
-    """Raise ParameterError for what are no marks, or marks that say nothing.
-
-    Args:
-        marks: what a caller passed as a tuple of marks.
-    """
-    if not isinstance(marks, tuple) or not all(isinstance(mark, ShadowMark) for mark in marks):
-        sentence = "Shadows are a tuple of Shadow, OwnShadow, ShadowLine and LitSide."
-        raise ParameterError(sentence, "shadows", ErrorCode.WRONG_TYPE)
-    for mark in marks:
-        points = marked_points(mark)
-        for point in points:
-            if len(point) != 2 or not all(isinstance(v, int | float) and math.isfinite(v) for v in point):
-                sentence = "A point of a shadow is two numbers, x and y in pixels."
-                raise ParameterError(sentence, "shadows", ErrorCode.WRONG_TYPE)
-        if len(points) > 1 and math.dist(points[0], points[1]) < _MIN_LENGTH:
-            sentence = "The two ends of a shadow are the same point; mark where it begins and where it ends."
-            raise ParameterError(sentence, "shadows", ErrorCode.CONTRADICTION)
 
 
 def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> Floats:

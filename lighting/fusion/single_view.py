@@ -20,8 +20,9 @@ from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, WarningCode
 from lighting.formatting import format_azimuth, format_tilt
 from lighting.fusion.consistency import consistency_warnings
-from lighting.fusion.drawn_camera import DrawnCamera, fit_camera
-from lighting.fusion.shadows import OwnShadow, ShadowMark, fuse_shadows, implied_azimuth
+from lighting.fusion.drawn_camera import fit_camera
+from lighting.fusion.marks import DrawnCamera, OwnShadow, ShadowMark
+from lighting.fusion.shadows import fuse_shadows, implied_azimuth
 from lighting.fusion.visible_sun import reproject_sun, tilt_by_sun, visible_sun
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.prediction import Prediction, SunDistribution, SunEstimate

@@ -10,22 +10,24 @@ import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, describe_fields
-from lighting.fusion.drawn_camera import (
+from lighting.fusion.marks import (
     DrawnCamera,
     KnownCamera,
     LevelLines,
     Line,
     Reference,
+    ShadowMark,
     check_edge,
     check_line,
+    check_marks,
     check_reference,
     check_spot,
     read_edge,
     read_line,
     read_reference,
+    read_shadow,
     read_spot,
 )
-from lighting.fusion.shadows import ShadowMark, check_marks, read_shadow
 from lighting.photo.timestamps import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
@@ -105,14 +107,14 @@ class UserInput:
             vertical_fov: deg, 1 to 170, of the upright photo.
             camera_height: m above the ground, 0.1 to 20,000.
             keep_location: whether the answer may hold latitude and longitude.
-            shadows: Shadow, OwnShadow, ShadowLine and LitSide of `lighting.fusion.shadows`, also as texts such as
+            shadows: Shadow, OwnShadow, ShadowLine and LitSide of `lighting.fusion.marks`, also as texts such as
                 "310,820,455,790"; see `read_shadow`.
             horizon: x, y, x, y of two points of the horizon in pixels of the upright picture, also as a text.
             verticals: lines along edges that stand upright in the world, as `horizon`; and LevelLines of
-                `lighting.fusion.drawn_camera`, also as texts, see `read_edge`.
+                `lighting.fusion.marks`, also as texts, see `read_edge`.
             reference: a thing of known size, also as a text such as "310,820,305,400,1.8"; see `read_reference` of
-                `lighting.fusion.drawn_camera`.
-            camera: that another program has found, such as `read_fspy` of `lighting.fusion.drawn_camera` reads.
+                `lighting.fusion.marks`.
+            camera: that another program has found, such as `read_fspy` of `lighting.fusion.fspy` reads.
             spot: x and y of where an object stands on the ground, in pixels of the upright picture, also as a text.
             lat: short for `latitude`.
             lon: short for `longitude`.

@@ -27,7 +27,7 @@ from lighting.batch.photo_search import PHOTO_SUFFIXES
 from lighting.envmap.relighting import adjust_lighting
 from lighting.envmap.render import render, sun_light
 from lighting.estimator import Estimator
-from lighting.fusion.shadows import OwnShadow, Shadow, marked_points, read_shadow
+from lighting.fusion.marks import OwnShadow, Shadow, marked_points, read_shadow
 from lighting.fusion.user_input import UserInput
 from lighting.map_options import Adjustments
 from lighting.photo.reader import read_photo

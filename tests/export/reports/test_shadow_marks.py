@@ -8,7 +8,7 @@ import pytest
 from export.data.panoramas import DataError
 from export.reports import shadows as module
 from export.reports.shadows import _gesture, _shadow_text, report_shadows
-from lighting.fusion.shadows import read_shadow
+from lighting.fusion.marks import read_shadow
 from lighting.model import Model
 from tests.conftest import encode, scene
 

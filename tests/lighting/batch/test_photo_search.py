@@ -18,7 +18,7 @@ from lighting.batch.photo_search import (
 )
 from lighting.errors import BatchError
 from lighting.estimator import Estimator
-from lighting.fusion.shadows import OwnShadow, Shadow
+from lighting.fusion.marks import OwnShadow, Shadow
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model
 from lighting.photo.reader import read_photo

@@ -11,19 +11,18 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.fusion.drawn_camera import (
+from lighting.fusion.drawn_camera import fit_camera, height_by_reference
+from lighting.fusion.fspy import read_fspy
+from lighting.fusion.marks import (
     DrawnCamera,
     KnownCamera,
     LevelLines,
     Line,
     Reference,
-    fit_camera,
-    height_by_reference,
     read_edge,
     read_line,
     read_reference,
 )
-from lighting.fusion.fspy import read_fspy
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, Pinhole, camera_pixel, direction, pixel_ray
 

@@ -6,19 +6,17 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError, warning_code
-from lighting.fusion.shadows import (
+from lighting.fusion.marks import (
     LitSide,
     OwnShadow,
     Shadow,
     ShadowLine,
     ShadowMark,
     check_marks,
-    fuse_shadows,
-    implied_azimuth,
     move_mark,
     read_shadow,
-    shadow_likelihood,
 )
+from lighting.fusion.shadows import fuse_shadows, implied_azimuth, shadow_likelihood
 from lighting.fusion.single_view import Observations, fuse_single_view
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, Pinhole, angle_between, camera_pixel, direction, wrap_azimuth
