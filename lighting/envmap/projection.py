@@ -12,7 +12,6 @@ from lighting.envmap.latlong import (
     EPSILON_IRRADIANCE,
     Image,
     column_blocks,
-    irradiance_from_rows,
     row_irradiance,
     scale_colors,
     shrink_axis,
@@ -105,20 +104,22 @@ class PhotoProjection:
     blocks: list[slice]
     """Of the map's columns, in which its pixels are found; one of a small map."""
 
-    def measure(self, image: Image, half: slice, irradiance: Floats, gain: float, *, shown: bool = True) -> PhotoScale:
+    def measure(
+        self, image: Image, half: slice, now: Floats, irradiance: Floats, gain: float, *, shown: bool = True
+    ) -> PhotoScale:
         """Find by what one half of a map is scaled when it is laid over it.
 
         Args:
             image: (H, 2H, 3) the map.
             half: rows of the map, above or below the horizon.
-            irradiance: (3,) of level ground by this half, which it then has.
+            now: (3,) irradiance of level ground by this half.
+            irradiance: (3,) which it then has.
             gain: of the photo, over 0.
             shown: False leaves it out, but the rest is as bright as with it.
         """
-        levels = row_irradiance(self.height)
-        now = irradiance_from_rows(levels[half], image[half])
         if not self._reaches(half):
             return PhotoScale(irradiance / np.maximum(now, EPSILON_IRRADIANCE), None)
+        levels = row_irradiance(self.height)
         by_photo, behind = np.zeros(3), np.zeros(3)  # as were all columns one
         for columns in self.blocks:
             if (part := self.block(columns, half)) is not None:

@@ -195,10 +195,12 @@ def _lay_photo(
     They then have these irradiances (3,).
     """
     scales = []
+    levels = latlong.row_irradiance(len(image))
     for number, (rows, target) in enumerate(zip(_halves(len(image)), targets, strict=True)):
         if factors is not None:
             multiply_cells(image[rows], np.split(factors, 2)[number])
-        scales.append(photo.measure(image, rows, target, gain, shown=shown))
+        now = irradiance_from_rows(levels[rows], image[rows])
+        scales.append(photo.measure(image, rows, now, target, gain, shown=shown))
         photo.lay(image[rows], rows, scales[-1], gain, shown=shown)
     return tuple(scales)
 
