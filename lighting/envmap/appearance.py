@@ -1,7 +1,7 @@
 """What a photo shows of its place: ground albedo, snow, the sky's color, and which kind of place it is.
 
-The kind is told by a linear classifier [1] of what the network tells: what the photo shows at each height, and how
-bright and colorful it is around the camera at each elevation. `python -m export kinds` fits it.
+A linear classifier [1] finds the kind by what the network tells: what the photo shows at each height, and how bright
+and colorful each elevation is. `python -m export kinds` fits it.
 
 References: [1] Bishop, Pattern Recognition and Machine Learning, section 4.3.4 (2006).
 """
