@@ -1,8 +1,8 @@
 """The fields of records: ranges and units of a light's, checks against them, values clipped to them, JSON, words.
 
 Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables. JSON groups them
-(RECORD_PATHS). Some have other names where people type them (SHORT_NAMES). Python itself keeps the docstrings of fields
-nowhere; `describe_fields` gives them to `help`.
+(_RECORD_PATHS). Some have other names where people type them (_SHORT_NAMES). Python itself keeps the docstrings of
+fields nowhere; `describe_fields` gives them to `help`.
 """
 
 import math
@@ -59,7 +59,7 @@ COLOR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not alw
 PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
 _PLAIN = (int, float, type(None))  # types of Python's own
 
-RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Lighting that are not at its top
+_RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Lighting that are not at its top
     "model_name": "model.name",
     "model_version": "model.version",
     "sun_azimuth": "sun.azimuth",
@@ -96,7 +96,7 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
     "spot_direction": "ground.spot.direction",
 }
 
-SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
+_SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
     "fov": "lens_fov",
     "shadows": "shadow",
     "verticals": "vertical",
@@ -111,7 +111,7 @@ def record_path(field: str) -> str:
     Args:
         field: as Python names it.
     """
-    return RECORD_PATHS.get(field, field)
+    return _RECORD_PATHS.get(field, field)
 
 
 def parameter_name(field: str) -> str:
@@ -120,7 +120,7 @@ def parameter_name(field: str) -> str:
     Args:
         field: as Python names it.
     """
-    return SHORT_NAMES.get(field, field)
+    return _SHORT_NAMES.get(field, field)
 
 
 def option_name(field: str) -> str:
@@ -307,8 +307,8 @@ def _list_fields(record: type, summary: str) -> str:
 # JSON in and out.
 
 # Section and name in a JSON record, and attribute, of each plain number and of each color.
-_NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.items() if attribute in PLAIN_RANGES]
-_COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
+_NUMBERS = [(*path.split("."), attribute) for attribute, path in _RECORD_PATHS.items() if attribute in PLAIN_RANGES]
+_COLORS = [(*_RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 
 
 def nest_fields(values: Json, sun_direction: "NDArray[np.floating]", trust: str) -> Json:
@@ -370,7 +370,7 @@ def flatten_record(record: Mapping[str, Any]) -> Json:
     values: Json = {attribute: sections[section].get(name) for section, name, attribute in _NUMBERS}
     for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
         if values[name] is None:
-            path = RECORD_PATHS[name]
+            path = _RECORD_PATHS[name]
             raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
     values |= {f"model_{name}": sections["model"].get(name) for name in ("name", "version")}
     values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}

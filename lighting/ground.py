@@ -28,7 +28,7 @@ from lighting.prediction import (
 from lighting.records import Lighting
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
-ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii
+_ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii
 
 _MIN_RADIUS = 0.012  # of a ball, in picture heights; smaller ones are hardly seen
 _MAX_RADIUS_METERS = 1.0  # of a ball; on ground that is farther away it is smaller in the picture
@@ -202,7 +202,7 @@ def object_radius(camera: Pinhole, down: Floats, camera_height: float) -> Floats
         down: (...) how far directions point down for each length that they point ahead of the camera.
         camera_height: m above the ground.
     """
-    most = min(OBJECT_RADIUS * camera.height, _MAX_WIDTH_SHARE * camera.width / (2 * ROW_WIDTH))
+    most = min(OBJECT_RADIUS * camera.height, _MAX_WIDTH_SHARE * camera.width / (2 * _ROW_WIDTH))
     meters = max_object_meters(camera_height)
     return np.asarray(np.minimum(most, camera.focal_length * meters * np.maximum(down, 0.0) / camera_height))
 
@@ -265,7 +265,7 @@ def _stated_spot(camera: Pinhole, stated: tuple[float, float]) -> _GroundSpot:
 def _stretches(camera: Pinhole, radius: Floats) -> Floats:
     """How much longer than wide (h, w) the picture of the outermost of three balls would be, by its radius (h, w)."""
     y, x = np.arange(camera.height)[:, None] + 0.5, np.arange(camera.width) + 0.5
-    outermost = np.abs(x - camera.width / 2) + (ROW_WIDTH - 1) * radius
+    outermost = np.abs(x - camera.width / 2) + (_ROW_WIDTH - 1) * radius
     return np.asarray(np.sqrt(1 + (outermost**2 + (y - camera.height / 2) ** 2) / camera.focal_length**2))
 
 
@@ -278,7 +278,7 @@ def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
     y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
     under_one = _box_means(ground, radius, _FOOT_HEIGHT * radius)
     under_all = np.minimum(under_one, np.minimum(*_beside(under_one, radius)))
-    fits = (np.abs(x - columns / 2) + ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
+    fits = (np.abs(x - columns / 2) + _ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
     stands = (under_one >= _MIN_SUPPORT) & (under_all >= _MIN_ROW_SUPPORT) & (radius >= _MIN_RADIUS * rows)
     away = _LATERAL_COST * np.abs(x / columns - 0.5) + _VERTICAL_COST * np.abs(y / rows - _BEST_ROW)
     size = np.log2(np.maximum(radius, 1e-6) / (OBJECT_RADIUS * rows))
@@ -287,7 +287,7 @@ def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
 
 def _beside(values: Floats, radius: Floats) -> tuple[Floats, Floats]:
     """The values (h, w) where the outer two of three balls in a row stand, by their radius (h, w)."""
-    middle, shift = np.arange(values.shape[1]), np.round((ROW_WIDTH - 1) * radius).astype(np.intp)
+    middle, shift = np.arange(values.shape[1]), np.round((_ROW_WIDTH - 1) * radius).astype(np.intp)
     left = np.take_along_axis(values, np.maximum(middle - shift, 0), axis=1)
     right = np.take_along_axis(values, np.minimum(middle + shift, values.shape[1] - 1), axis=1)
     return left, right

@@ -29,7 +29,7 @@ from lighting.records import Lighting, LightProbe, MainLight, check_lighting
 from lighting.sky.clear_sky import LUX, sun_disc_points, sun_disc_radiance
 
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
-BASIS_FACTORS = np.sqrt(
+_BASIS_FACTORS = np.sqrt(
     np.array([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16]) / math.pi
 )  # of the functions' polynomials
 CONDON_SHORTLEY = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  # signs that some add
@@ -44,7 +44,7 @@ def _harmonics_basis(direction: ArrayLike) -> Floats:
     """
     x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
     polynomials = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z**2 - 1, x * z, x**2 - y**2]
-    return np.asarray(np.stack(polynomials, axis=-1) * BASIS_FACTORS)
+    return np.asarray(np.stack(polynomials, axis=-1) * _BASIS_FACTORS)
 
 
 def project_latlong(image: NDArray[np.floating]) -> Floats:
@@ -74,7 +74,7 @@ def project_latlong(image: NDArray[np.floating]) -> Floats:
         -0.5 * level2 * xz,
         0.5 * level2 * (mean - cos2) - up**2 * mean,
     ]
-    return np.asarray(np.stack(polynomials).sum(axis=1) * BASIS_FACTORS[:, None])
+    return np.asarray(np.stack(polynomials).sum(axis=1) * _BASIS_FACTORS[:, None])
 
 
 def irradiance_from_harmonics(coefficients: ArrayLike, normals: ArrayLike) -> Floats:
@@ -194,7 +194,7 @@ def shader_harmonics(coefficients: Floats) -> Floats:
     Args:
         coefficients: (9, 3), of radiance.
     """
-    return np.asarray((BASIS_FACTORS * COSINE_FACTORS / math.pi)[:, None] * coefficients)
+    return np.asarray((_BASIS_FACTORS * COSINE_FACTORS / math.pi)[:, None] * coefficients)
 
 
 def _webxr(probe: LightProbe) -> Json:
@@ -301,7 +301,7 @@ def _godot(probe: LightProbe) -> Json:
     """Colors of a LightmapGIData probe, the mean as an Environment's ambient light, and a DirectionalLight3D."""
     light = probe.main_light
     color, intensity = color_and_intensity(light.irradiance / math.pi)
-    ambient, energy = color_and_intensity(np.maximum(probe.coefficients[0] * BASIS_FACTORS[0], 0.0))
+    ambient, energy = color_and_intensity(np.maximum(probe.coefficients[0] * _BASIS_FACTORS[0], 0.0))
     return {
         "probe_sh": [round_all(row) for row in probe.coefficients / math.pi],
         "environment": {

@@ -26,7 +26,7 @@ PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "verti
 # Of output `light`: irradiances in the photo's linear units, then two shares.
 _LIGHT_OUTPUT = ("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue", "cover", "suitable")
 OUTPUTS = ("sun_probability", "parameters")
-OPTIONAL_OUTPUTS = ("light", "around", "segments")  # of which `around` needs `light`
+_OPTIONAL_OUTPUTS = ("light", "around", "segments")  # of which `around` needs `light`
 MODEL_CARD, METRICS = "MODEL_CARD.md", "metrics.json"  # beside a network's file; a user's may have neither
 
 
@@ -53,7 +53,7 @@ class Model:
         self.session = session
         self.spec = spec
         names = {port.name for port in session.get_outputs()}
-        self.outputs = (*OUTPUTS, *(name for name in OPTIONAL_OUTPUTS if name in names))
+        self.outputs = (*OUTPUTS, *(name for name in _OPTIONAL_OUTPUTS if name in names))
 
     @classmethod
     def load(
@@ -193,7 +193,7 @@ def _shapes(spec: ModelSpec) -> dict[str, tuple[int, ...]]:
 
 def _check_layout(session: OnnxSession, spec: ModelSpec, file: Path) -> None:
     actual = {port.name: port.shape[1:] for port in [*session.get_inputs(), *session.get_outputs()]}
-    optional = [name for name in OPTIONAL_OUTPUTS if name in actual]
+    optional = [name for name in _OPTIONAL_OUTPUTS if name in actual]
     shapes = _shapes(spec)
     expected = {"photo": [3, spec.height, spec.width], **{name: list(shapes[name]) for name in (*OUTPUTS, *optional)}}
     if actual != expected or ("around" in optional and "light" not in optional):

@@ -54,7 +54,7 @@ from server.scheduling import WorkLimiter
 from server.settings import Settings
 from server.tracing import RequestTracer
 
-LATENCY_BUCKETS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper ends of the histograms' buckets
+_LATENCIES = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper ends of the histograms' buckets
 
 
 class ServiceMetrics:
@@ -75,13 +75,13 @@ class ServiceMetrics:
             "lighting_request_seconds",
             "Time from a request's first byte to its answer's last.",
             ["route"],
-            buckets=LATENCY_BUCKETS,
+            buckets=_LATENCIES,
             registry=registry,
         )
         self.inference = Histogram(
             "lighting_inference_seconds",
             "Time to estimate the light of one request's photos.",
-            buckets=LATENCY_BUCKETS,
+            buckets=_LATENCIES,
             registry=registry,
         )
         self.photo_bytes = Counter("lighting_photo_bytes", "Bytes of photos read.", registry=registry)

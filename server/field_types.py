@@ -24,7 +24,7 @@ from lighting.map_options import Adjustments, OptionText, parse_sun
 from lighting.photo.timestamps import parse_time, parse_utc_offset
 from lighting.records import GROUND_ALBEDO
 
-MAX_SERVED_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
+_MAX_SERVED_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 
 
 class NotNull:
@@ -147,7 +147,7 @@ def option_parameter(text: OptionText, default: object) -> tuple[Any, Any]:
         return Flag, field
     low, high = text.range
     if isinstance(default, int) and not isinstance(default, bool):
-        limited = InRange(low, min(high, MAX_SERVED_HEIGHT), multipleOf=2, description=str(text.help))
+        limited = InRange(low, min(high, _MAX_SERVED_HEIGHT), multipleOf=2, description=str(text.help))
         return Annotated[int, limited, AfterValidator(_check_even)], default
     limited = InRange(low, high, description=str(text.help), examples=[text.example])
     return (Annotated[float | None, limited] if default is None else Annotated[float, limited]), default

@@ -27,7 +27,7 @@ GROUP_SHARES = (1, 2, 3)  # what a client's groups may have, as multiples of a c
 _NAT64 = IPv6Network("64:ff9b::/96")  # its last 32 bits are an IPv4 address (RFC 6052)
 _LOCAL_NAT64 = IPv6Network("64:ff9b:1::/48")  # each of its addresses is an IPv4 one's (RFC 8215)
 PLACE_BYTES = 65_536  # of a body that have come when it takes a place
-UNSENT_SHARE = 0.25  # of the bytes of answers that may wait, for one client
+_UNSENT_SHARE = 0.25  # of the bytes of answers that may wait, for one client
 BACKLOG = 32  # connections that are accepted in one iteration of the event loop
 _SPARE_FILES = 4 * BACKLOG + 32  # of the process that are no connections, or not yet counted as such
 _BROWSER_CONNECTIONS = 8  # of one client, as browsers open; more may be refused when there are too many in all
@@ -362,14 +362,14 @@ class PendingResponses:
             client: who would get it.
 
         Raises:
-            ShareTakenError: UNSENT_SHARE of the bytes wait for this client.
+            ShareTakenError: _UNSENT_SHARE of the bytes wait for this client.
         """
         if not self._waiting:
             return
         sizes = Tally()
         for answer, owner in self._waiting.items():
             sizes.add(owner, answer.unsent_bytes())
-        if sizes.load(client) >= UNSENT_SHARE * self.max_bytes:
+        if sizes.load(client) >= _UNSENT_SHARE * self.max_bytes:
             raise ShareTakenError("Many bytes of answers wait for this client to take them.")
         while self._waiting and self.size >= self.max_bytes:
             slowest = max(self._waiting, key=lambda answer: answer.seconds_left())

@@ -27,7 +27,7 @@ from server.field_types import InRange, NotNull, RegistryName, field_error, para
 from server.problems import InvalidField, invalid_field_error, invalid_fields_error
 
 SUN_BY_DEFAULT = "by default if it likely shines"
-DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
+_DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
 # Fields of a record whose names mean something else beside a photo: an adjustment, and what is known of its lens.
 _EDIT_NAMES = {"exposure": "sky_exposure", "vertical_fov": "camera_vertical_fov"}
 
@@ -361,7 +361,7 @@ class _SkyParameters(_IrradianceQuery):
     sun_azimuth: types.SunAzimuth
     sun_elevation: types.SunElevation
     turbidity: types.Turbidity
-    exposure: types.Exposure = DAYLIGHT_EXPOSURE
+    exposure: types.Exposure = _DAYLIGHT_EXPOSURE
     ground_albedo: types.GroundAlbedo = GROUND_ALBEDO
 
     def to_lighting(self) -> Lighting:

@@ -25,9 +25,9 @@ from server.limits import GROUP_SHARES, UNKNOWN, BusyError, Client, ShareTakenEr
 _T = TypeVar("_T")
 
 HALF_LIFE = 20.0  # seconds after which processor time counts half
-LONG_SECONDS = 0.1  # of processor time, which a photo's estimate stays under: longer requests leave a thread to others
+_LONG_SECONDS = 0.1  # of processor time, which a photo's estimate stays under: longer requests leave a thread to others
 MORE = 1.2  # times the mean processor time of the clients, beyond which one uses more than its share
-MUCH_MORE = 1.5  # times as much processor time as another client, so that one makes room for it
+_MUCH_MORE = 1.5  # times as much processor time as another client, so that one makes room for it
 _RECENT_SECONDS = 10.0  # that a client counts as present after its last work
 _QUEUE_SECONDS = 30.0  # of work for each thread, up to which requests wait beyond the queue
 _FIRST_SECONDS = 1.0  # of processor time that a route is expected to take before it has been measured
@@ -118,10 +118,10 @@ class _Demand(NamedTuple):
     def exceeds(self, other: "_Demand") -> bool:
         """Whether it has to make room for another: it has more requests, or as many and this one takes much more."""
         if self.requests != other.requests:
-            return self.requests > other.requests and other.seconds <= MUCH_MORE * self.seconds
-        if self.length > max(LONG_SECONDS, MUCH_MORE * other.length):
+            return self.requests > other.requests and other.seconds <= _MUCH_MORE * self.seconds
+        if self.length > max(_LONG_SECONDS, _MUCH_MORE * other.length):
             return True
-        return self.length >= other.length and self.seconds > MUCH_MORE * other.seconds
+        return self.length >= other.length and self.seconds > _MUCH_MORE * other.seconds
 
 
 class WorkLimiter:
@@ -157,7 +157,7 @@ class WorkLimiter:
         self._waiting: list[_Job] = []
         self._running: list[_Job] = []
         self._short = tuple(short)
-        self._expected = dict.fromkeys(self._short, LONG_SECONDS)  # processor time [s] by route
+        self._expected = dict.fromkeys(self._short, _LONG_SECONDS)  # processor time [s] by route
         self._long_from = clock()  # the time from which a long request may begin while short ones wait
         self._last: dict[Client, float] = {}  # when a client's work last began or ended, if that is recent
         self._threads = CapacityLimiter(workers)
@@ -355,8 +355,8 @@ class WorkLimiter:
         return [job for job in self._waiting if self._is_long(job)]
 
     def _is_long(self, job: _Job) -> bool:
-        """Whether a request takes longer than LONG_SECONDS, or on a slow machine than those that are to be short."""
-        return self._expect(job.route) > max([LONG_SECONDS, *map(self._expect, self._short)])
+        """Whether a request takes longer than _LONG_SECONDS, or on a slow machine than those that are to be short."""
+        return self._expect(job.route) > max([_LONG_SECONDS, *map(self._expect, self._short)])
 
     def _pause_long_jobs(self, job: _Job, began: float, seconds: float) -> None:
         """Set when the next long request may begin while short ones wait.

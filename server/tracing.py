@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from opentelemetry.trace import Tracer
     from opentelemetry.util.types import AnyValue
 
-SERVICE_NAME = "outdoor-lighting"  # unless OTEL_SERVICE_NAME or OTEL_RESOURCE_ATTRIBUTES name another
+_SERVICE_NAME = "outdoor-lighting"  # unless OTEL_SERVICE_NAME or OTEL_RESOURCE_ATTRIBUTES name another
 NO_TELEMETRY: TelemetryConfig = {"tracing": False, "metrics": False, "logs": False, "auto_configure": False}
 
 _EXTRA = ("Traces need OpenTelemetry's SDK and its OTLP exporter", "all")
@@ -55,7 +55,7 @@ class RequestTracer:
         resources = require_extra("opentelemetry.sdk.resources", *_EXTRA)
         sdk = require_extra("opentelemetry.sdk.trace", *_EXTRA)
         batches = require_extra("opentelemetry.sdk.trace.export", *_EXTRA)
-        ours = resources.Resource.create({"service.name": SERVICE_NAME, "service.version": __version__})
+        ours = resources.Resource.create({"service.name": _SERVICE_NAME, "service.version": __version__})
         resource = ours.merge(resources.OTELResourceDetector().detect())  # which has precedence
         url = endpoint.rstrip("/").removesuffix(_TRACES_PATH) + _TRACES_PATH
         self._exporter: Any = exporter.OTLPSpanExporter(endpoint=url)

@@ -38,7 +38,7 @@ MAX_CELL = 4.0  # the photo's white is 1; the sun's disc counts no more than thi
 _FINE = 6  # parts of a row and of a column, the steps by which the map is rotated
 
 CELL = 16  # pixels of the canvas along one side of a cell in which the sun may be
-TARGET_STD = 0.7  # cells, of the target around the sun
+_TARGET_STD = 0.7  # cells, of the target around the sun
 
 
 @dataclass(frozen=True)
@@ -146,6 +146,6 @@ def sun_in_view_target(crop: Crop, spec: ModelSpec, visible: bool | None) -> Flo
     margin = np.array([(spec.width - width) // 2, (spec.height - height) // 2])
     x, y = (np.array(pixel) + margin) / CELL - 0.5
     squared_distance = (np.arange(columns)[None, :] - x) ** 2 + (np.arange(rows)[:, None] - y) ** 2
-    bell = np.exp(-squared_distance / (2 * TARGET_STD**2)).ravel()
+    bell = np.exp(-squared_distance / (2 * _TARGET_STD**2)).ravel()
     probability[1:] = bell / bell.sum()
     return probability

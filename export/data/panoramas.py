@@ -67,8 +67,8 @@ def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Iterable
 
 INDEX = "panoramas.csv"
 REQUIRED = ("name", "file", "kind", "place", "split")
-OPTIONAL = ("sun", "direct", "scene", "label", "licence", "notes", "source")  # and the numbers below
-CHOICES = {
+_OPTIONAL = ("sun", "direct", "scene", "label", "licence", "notes", "source")  # and the numbers below
+_CHOICES = {
     "kind": ("ldr", "hdr"),
     "split": ("train", "val"),
     "sun": ("visible", "inferred", "none", "unknown"),
@@ -77,7 +77,7 @@ CHOICES = {
 _NUMBERS = {"sun_azimuth": (-180.0, 180.0), "sun_elevation": (-90.0, 90.0), "sun_uncertainty": (0.0, 180.0)}  # deg
 
 LABELS_PATCH = Path(__file__).with_name("labels_patch.csv")
-PATCHED = ("sun", *_NUMBERS, "direct")
+_PATCHED = ("sun", *_NUMBERS, "direct")
 RENDERED = ("rendered", "rendered", "CC0")  # scene, label and licence of panoramas that we render
 
 _PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
@@ -146,7 +146,7 @@ def write_index(panoramas: Sequence[Panorama], folder: Path) -> None:
         panoramas: whose pictures the folder holds.
         folder: to write to.
     """
-    columns = (*REQUIRED, *OPTIONAL[:1], *_NUMBERS, *OPTIONAL[1:])
+    columns = (*REQUIRED, *_OPTIONAL[:1], *_NUMBERS, *_OPTIONAL[1:])
     root = folder.resolve()
     rows = ([_format_field(panorama, column, root) for column in columns] for panorama in panoramas)
     write_table(folder / INDEX, columns, rows)
@@ -184,14 +184,14 @@ def _read_rows(root: Path) -> list[dict[str, str]]:
 def _read_patch(path: Path) -> dict[str, dict[str, str]]:
     """Corrected fields by the panorama's name; a sun that becomes "none" or "unknown" loses its direction."""
     patch: dict[str, dict[str, str]] = {}
-    for line, row in enumerate(read_table(path, ("name", *PATCHED, "reason")), start=2):
+    for line, row in enumerate(read_table(path, ("name", *_PATCHED, "reason")), start=2):
         where = f"{path}, line {line}"
         name = row["name"].strip()
         if not name or not row["reason"].strip():
             raise DataError(f"{where}: a correction needs the panorama's name and a reason.")
         if name in patch:
             raise DataError(f"{where}: the panorama {name} is already corrected above.")
-        corrected = {key: row[key].strip() for key in PATCHED if row[key].strip()}
+        corrected = {key: row[key].strip() for key in _PATCHED if row[key].strip()}
         _check_values(corrected, where)
         removed = dict.fromkeys(_NUMBERS, "") if corrected.get("sun") in ("none", "unknown") else {}
         patch[name] = {**removed, **corrected}
@@ -199,7 +199,7 @@ def _read_patch(path: Path) -> dict[str, dict[str, str]]:
 
 
 def _parse_panorama(root: Path, row: Mapping[str, str], where: str) -> Panorama:
-    text = {key: (row.get(key) or "").strip() for key in (*REQUIRED, *OPTIONAL)}
+    text = {key: (row.get(key) or "").strip() for key in (*REQUIRED, *_OPTIONAL)}
     text["sun"] = text["sun"] or "unknown"
     for key in REQUIRED:
         if not text[key]:
@@ -214,7 +214,7 @@ def _parse_panorama(root: Path, row: Mapping[str, str], where: str) -> Panorama:
 
 def _check_values(row: Mapping[str, str], where: str) -> dict[str, float | None]:
     """The numbers of a row; DataError if one of them or one of its choices is malformed."""
-    for key, allowed in CHOICES.items():
+    for key, allowed in _CHOICES.items():
         if key in row and row[key] not in allowed:
             raise DataError(f"{where}: {key} is {row[key]!r}, not one of {', '.join(filter(None, allowed))}.")
     return {key: _parse_number(row, key, where) for key in _NUMBERS}

@@ -27,9 +27,9 @@ from lighting.geometry import Floats, angle_between, angles, direction
 
 MAX_FAILURES = 50  # crops
 MAX_EACH = 3  # of one panorama, so that one odd picture does not fill the list
-WIDE_RADIUS = 30.0  # deg of radius_50 from which the network is not sure
-NEAR_ERROR = 22.5  # deg, an error that is no failure
-SUNSHINE = {1.0: "yes", 0.5: "partly", 0.0: "no"}
+_WIDE_RADIUS = 30.0  # deg of radius_50 from which the network is not sure
+_NEAR_ERROR = 22.5  # deg, an error that is no failure
+_SUNSHINE = {1.0: "yes", 0.5: "partly", 0.0: "no"}
 
 
 @dataclass(frozen=True)
@@ -54,19 +54,19 @@ class Failure:
 
 
 def _is_mirrored(f: Failure) -> bool:
-    return float(angle_between(direction(-f.estimate[0], f.estimate[1]), direction(*f.sun))) < NEAR_ERROR
+    return float(angle_between(direction(-f.estimate[0], f.estimate[1]), direction(*f.sun))) < _NEAR_ERROR
 
 
 CAUSES: dict[str, tuple[str, Callable[[Failure], bool]]] = {  # the first that holds is the cause
     "no sky": ("under a tenth of the frame looks above the horizon", lambda f: f.in_view == "no sky"),
     "sun not shining": ("direct sunlight reaches the scene partly or not", lambda f: f.direct in ("partly", "no")),
     "wide distribution": (
-        f"`radius_50` over {WIDE_RADIUS:g}°: the network is not sure",
-        lambda f: f.radius_50 > WIDE_RADIUS,
+        f"`radius_50` over {_WIDE_RADIUS:g}°: the network is not sure",
+        lambda f: f.radius_50 > _WIDE_RADIUS,
     ),
     "front-back flip": (f"azimuth off by more than {FLIP:g}°", lambda f: abs(f.azimuth_error) > FLIP),
-    "left-right mirror": (f"within {NEAR_ERROR:g}° once left and right are exchanged", _is_mirrored),
-    "elevation alone": (f"azimuth within {NEAR_ERROR:g}°", lambda f: abs(f.azimuth_error) < NEAR_ERROR),
+    "left-right mirror": (f"within {_NEAR_ERROR:g}° once left and right are exchanged", _is_mirrored),
+    "elevation alone": (f"azimuth within {_NEAR_ERROR:g}°", lambda f: abs(f.azimuth_error) < _NEAR_ERROR),
     "confident and wrong": ("none of the above", lambda _: True),
 }
 
@@ -92,7 +92,7 @@ def _make_failure(truth: Truth, answers: Answers, index: int) -> Failure:
     """One crop as a failure."""
     sun, estimate = ((float(a), float(e)) for a, e in (angles(of.sun[index]) for of in (truth, answers)))
     errors = [float(of(truth, answers)[index]) for of in (sun_error, azimuth_error, elevation_error)]
-    direct, radius = SUNSHINE.get(float(truth.visibility[index]), ""), float(answers.radius_50[index])
+    direct, radius = _SUNSHINE.get(float(truth.visibility[index]), ""), float(answers.radius_50[index])
     panorama, in_view = str(truth.panorama[index]), str(truth.in_view[index])
     return Failure(index, panorama, in_view, direct, sun, estimate, radius, *errors)
 
@@ -143,7 +143,7 @@ def write_failures(path: Path, failures: Sequence[Failure], azimuth: Floats) -> 
 ACROSS = 5  # crops in a row
 THUMBNAIL = (320, 240)  # pixels
 _TEXT, _LINE = 13, 16  # pixels, height of letters and of lines
-DIAL = 26  # pixels, radius
+_DIAL = 26  # pixels, radius
 TRUE_COLOR, ESTIMATE_COLOR = (255, 200, 0), (90, 180, 255)
 
 
@@ -176,11 +176,11 @@ def _lines(number: int, f: Failure) -> tuple[str, str, str]:
 def _with_dial(picture: Image.Image, f: Failure) -> Image.Image:
     """The picture with a dial of the suns from above: the zenith in the middle, the camera's azimuth at the top."""
     draw = ImageDraw.Draw(picture)
-    middle = np.array(picture.size) - DIAL - 4
-    draw.ellipse([*(middle - DIAL), *(middle + DIAL)], fill=(60, 60, 60), outline="white")
-    draw.line([*middle, middle[0], middle[1] - DIAL], fill="white")
+    middle = np.array(picture.size) - _DIAL - 4
+    draw.ellipse([*(middle - _DIAL), *(middle + _DIAL)], fill=(60, 60, 60), outline="white")
+    draw.line([*middle, middle[0], middle[1] - _DIAL], fill="white")
     for (azimuth, elevation), color in ((f.sun, TRUE_COLOR), (f.estimate, ESTIMATE_COLOR)):
-        angle, reach = np.radians(azimuth), DIAL * (1 - elevation / 90)
+        angle, reach = np.radians(azimuth), _DIAL * (1 - elevation / 90)
         spot = middle + reach * np.array([np.sin(angle), -np.cos(angle)])
         draw.ellipse([*(spot - 4), *(spot + 4)], fill=color)
     return picture

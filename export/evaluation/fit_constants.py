@@ -35,12 +35,12 @@ from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array, read_photo
 from lighting.sun_grid import smooth_density, temper
 
-SPLITS = ("train", "val")
-GROUND_SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground under a clear sky, tried
-GROUND_STOPS = np.linspace(0.0, 0.6, 7)  # stops by which it is too dark, tried
-MIN_LUMINANCE = 1e-6
-SKY_CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
-COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))  # ranges of cover, 0 clear to 1 overcast, told apart
+_SPLITS = ("train", "val")
+_GROUND_SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground under a clear sky, tried
+_GROUND_STOPS = np.linspace(0.0, 0.6, 7)  # stops by which it is too dark, tried
+_MIN_LUMINANCE = 1e-6
+_SKY_CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
+_COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))  # ranges of cover, 0 clear to 1 overcast, told apart
 SUN_POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)  # of the clear sun's colour, tried
 _MIN_ELEVATION = 1.0  # deg, of the sun, under which a clear sky says little of its power
 _ITERATIONS = 20  # of least squares, weighted so that it comes near to least absolute errors
@@ -94,7 +94,7 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
         if reflectance is None or place.coarse_panorama is None:
             continue
         radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
-        levels = radiance, ground_luminance(place.coarse_panorama), max(float(luminance(truth.ground)), MIN_LUMINANCE)
+        levels = radiance, ground_luminance(place.coarse_panorama), max(float(luminance(truth.ground)), _MIN_LUMINANCE)
         values.append((*np.log2(levels), light.sky_cover or 0.0))
         kinds.append((str(weather), source.panorama.place))
     if not values:
@@ -111,18 +111,18 @@ def fit_ground_share(grounds: GroundSamples) -> tuple[float, float]:
     Args:
         grounds: those to fit to.
     """
-    errors = np.array([[grounds.errors(share, darker) for darker in GROUND_STOPS] for share in GROUND_SHARES])
+    errors = np.array([[grounds.errors(share, darker) for darker in _GROUND_STOPS] for share in _GROUND_SHARES])
     darker = errors.mean(axis=-1).argmin(axis=1)  # the best stops of each share
-    at_best = errors[np.arange(len(GROUND_SHARES)), darker]
+    at_best = errors[np.arange(len(_GROUND_SHARES)), darker]
     best = at_best[at_best.mean(axis=1).argmin()]
     good = (at_best - best).mean(axis=1) <= [clustered_error(row - best, grounds.place) for row in at_best]
     share = int(np.flatnonzero(good)[0])
-    return float(GROUND_SHARES[share]), float(GROUND_STOPS[darker[share]])
+    return float(_GROUND_SHARES[share]), float(_GROUND_STOPS[darker[share]])
 
 
 def _report_ground(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:
     """The fit on places of `train`, both weathers alike, and errors in both splits."""
-    parts = {part: _sample_grounds(model, data, labels, part, seen if part == "train" else None) for part in SPLITS}
+    parts = {part: _sample_grounds(model, data, labels, part, seen if part == "train" else None) for part in _SPLITS}
     share, darker = fit_ground_share(_balanced(parts["train"]))
     rows = []
     for part, grounds in parts.items():
@@ -186,7 +186,7 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
         true = panorama_irradiance(source).sky
         if not np.isfinite(true).all():
             continue
-        for number, camera in enumerate(SKY_CAMERAS):
+        for number, camera in enumerate(_SKY_CAMERAS):
             rng = crop_rng(source.panorama.name, number, "colour of the sky")
             crop = crop_panorama(source, camera(rng), model.spec)
             pixels, gains, _ = augment(crop, rng)
@@ -218,13 +218,13 @@ def fit_sky_trust(skies: SkySamples) -> Floats:
 
 def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
     """The fit on `train`, and errors of colour in both splits, by cover."""
-    parts = {part: _sample_skies(model, data, labels, part) for part in SPLITS}
+    parts = {part: _sample_skies(model, data, labels, part) for part in _SPLITS}
     trust = fit_sky_trust(parts["train"].with_sky)
     rows = []
     for part, skies in parts.items():
         visible = skies.with_sky
         cover = visible.cover
-        groups = {f"{low:g} to {min(high, 1):g}": (cover >= low) & (cover < high) for low, high in COVERS}
+        groups = {f"{low:g} to {min(high, 1):g}": (cover >= low) & (cover < high) for low, high in _COVERS}
         before, after = (visible.errors(t) for t in (np.zeros(2), trust))
         rows += _error_rows(part, groups, before, after, (1, 2))
     shown, count = (sum(len(s.cover) for s in of) for of in ([s.with_sky for s in parts.values()], parts.values()))
@@ -291,7 +291,7 @@ def sun_color_errors(suns: Sequence[SunSample], power: float) -> Floats:
 
 def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
     """The errors of colour by power, on `train` and on `val`."""
-    train, val = (_sample_suns(model, take_hdr_crops(data, labels, model.spec, part)) for part in SPLITS)
+    train, val = (_sample_suns(model, take_hdr_crops(data, labels, model.spec, part)) for part in _SPLITS)
     unclipped = [sun for sun in train if sun.unclipped]
     parts = {"train": train, **({"train, unclipped": unclipped} if unclipped else {}), "val": val}
     rows = []

@@ -143,7 +143,7 @@ def mean_light_map(lights: Sequence[TrueLight]) -> Floats:
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
 MIN_SUN_SHARE = 0.1  # of the sky's level irradiance, from which a sun counts as painted
-NOTE = (
+_NOTE = (
     "Medians over crops, true light of the panorama in the crop's exposure. Bias and size of errors in stops, colours "
     "as angles between RGB vectors in degrees. Balls and plane: RMSE and RMSE after the best scale by the truth's "
     "root mean square, and RGB angle. A sun counts as painted where it gives level ground over a tenth of what the sky "
@@ -279,7 +279,7 @@ def _section(crops: HdrCrops, methods: dict[str, _Guess], kind: str) -> str:
     lights = {name: tuple(guess.lights[i] for i in chosen) if guess.lights else () for name, guess in methods.items()}
     part = {name: _Guess(guess.maps[chosen], lights[name]) for name, guess in methods.items()}
     title = f"## Light: {len(chosen)} crops of {len(np.unique(crops.panoramas[chosen]))} {kind} HDR panoramas"
-    return "\n\n".join([title, NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
+    return "\n\n".join([title, _NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
 
 
 def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:

@@ -28,7 +28,7 @@ from lighting.prediction import Prediction
 from lighting.records import EvidenceKind
 from lighting.solar_position import sun_position
 
-LOCAL_TIME = "local time+place"  # a part of what is known: a time without its zone
+_LOCAL_TIME = "local time+place"  # a part of what is known: a time without its zone
 LATITUDES = (-55.0, 65.0)  # deg, where people live
 FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652
 STEP = 300  # s, between the moments of a day that are tried first
@@ -120,12 +120,12 @@ def keep_evidence(metadata: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetad
 
     Args:
         metadata: of a photo.
-        parts: some of LOCAL_TIME, TIME_AND_PLACE, HEADING and FOCAL_LENGTH.
+        parts: some of _LOCAL_TIME, TIME_AND_PLACE, HEADING and FOCAL_LENGTH.
     """
     kept = metadata
     if EvidenceKind.TIME_AND_PLACE not in parts:
         kept = replace(kept, utc_offset=None)
-    if EvidenceKind.TIME_AND_PLACE not in parts and LOCAL_TIME not in parts:
+    if EvidenceKind.TIME_AND_PLACE not in parts and _LOCAL_TIME not in parts:
         kept = replace(kept, local_time=None, latitude=None, longitude=None)
     if EvidenceKind.HEADING not in parts:
         kept = replace(kept, heading=None, heading_reference=None)
@@ -138,8 +138,8 @@ PARTS = (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING, EvidenceKind.FOCAL_L
 SUBSETS: tuple[tuple[str, ...], ...] = (
     (),
     *(tuple(part for bit, part in enumerate(PARTS) if number >> bit & 1) for number in range(1, 8)),
-    (LOCAL_TIME,),
-    (LOCAL_TIME, EvidenceKind.HEADING),
+    (_LOCAL_TIME,),
+    (_LOCAL_TIME, EvidenceKind.HEADING),
 )
 
 _SIMULATION = fill(
@@ -149,7 +149,7 @@ _SIMULATION = fill(
     "the place, on land.",
     120,
 )
-WARNED = fill(
+_WARNED = fill(
     "Share of photos [%] with a warning of a contradiction, for true records (compass noise, no gross errors) and for "
     f"false ones. The pixels contradict an elevation of tail probability under "
     f"{MIN_ELEVATION_P_VALUE:.1%}, and a heading of one under {MIN_HEADING_P_VALUE:.1%}. They contradict a focal "
@@ -159,8 +159,8 @@ WARNED = fill(
 )
 ByLens = tuple[Prediction, Prediction]  # of a photo that does not state its lens, and of the same one if it does
 
-WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
-WRONG_GRAVITY = 30.0  # deg of elevation by which a false camera is off
+_WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
+_WRONG_GRAVITY = 30.0  # deg of elevation by which a false camera is off
 
 
 def evidence_report(
@@ -183,14 +183,14 @@ def evidence_report(
         for parts in SUBSETS
     }
     headings = np.array([s.heading for s in simulated])
-    names = {parts: " + ".join(("pixels", *parts)).replace(LOCAL_TIME, "time without zone+place") for parts in SUBSETS}
+    names = {parts: " + ".join(("pixels", *parts)).replace(_LOCAL_TIME, "time without zone+place") for parts in SUBSETS}
     rows = {names[parts]: _figures(scored, posteriors, headings) for parts, posteriors in fused.items()}
     sections = [
         f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
         _SIMULATION,
         metrics.figures_table(rows),
         _azimuth_sentence(scored, fused[()], fused[(EvidenceKind.TIME_AND_PLACE,)]),
-        WARNED,
+        _WARNED,
         metrics.figures_table(_warning_shares(scored, [without for without, _ in predictions], simulated)),
     ]
     return "\n\n".join(sections)
@@ -304,17 +304,17 @@ def _warning_shares(
 
     headings = sound, list(zip(predictions, rotated, strict=True))
     shares = {  # where the metadata are true, and where they are false
-        f"sun off by {WRONG_SUN:g}° or more": [warned(m, EvidenceKind.TIME_AND_PLACE) for m in (true, other_suns)],
+        f"sun off by {_WRONG_SUN:g}° or more": [warned(m, EvidenceKind.TIME_AND_PLACE) for m in (true, other_suns)],
         "heading off by 90 to 270°": [heading_warned(photos) for photos in headings],
         "picture cropped to half": [warned(m, EvidenceKind.FOCAL_LENGTH) for m in (true, cropped)],
-        f"camera off by {WRONG_GRAVITY:g}°": [_warned(predictions, _gravity(truth, e)) for e in (0.0, WRONG_GRAVITY)],
+        f"camera off by {_WRONG_GRAVITY:g}°": [_warned(predictions, _gravity(truth, e)) for e in (0.0, _WRONG_GRAVITY)],
     }
     return {what: {"true": right, "false": wrong} for what, (right, wrong) in shares.items()}
 
 
 def _crops_of_other_suns(elevation: Floats, rng: np.random.Generator) -> list[int]:
-    """For each crop, another one whose sun differs by WRONG_SUN or more."""
-    wrong = np.abs(elevation[:, None] - elevation) >= WRONG_SUN
+    """For each crop, another one whose sun differs by _WRONG_SUN or more."""
+    wrong = np.abs(elevation[:, None] - elevation) >= _WRONG_SUN
     return [int(rng.choice(np.flatnonzero(row))) if row.any() else i for i, row in enumerate(wrong)]
 
 

@@ -210,9 +210,9 @@ def auc(score: Floats, positive: Bools, weight: Floats | None = None) -> float:
 
 # The camera scored as calibration papers score it: the area under the recall of errors up to a few degrees.
 
-ANGLES = {"elevation": 0, "roll": 1, "fov": 2}  # columns of a camera
-UP_TO = (1.0, 5.0, 10.0)  # deg
-HORIZON_UP_TO = 0.25  # of the picture's height
+_ANGLES = {"elevation": 0, "roll": 1, "fov": 2}  # columns of a camera
+_UP_TO = (1.0, 5.0, 10.0)  # deg
+_HORIZON_UP_TO = 0.25  # of the picture's height
 
 
 def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
@@ -225,14 +225,14 @@ def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
         answers: of the same crops.
     """
     errors = np.abs(answers.camera - truth.camera)
-    areas = [(name, errors[:, column], limit) for name, column in ANGLES.items() for limit in UP_TO]
+    areas = [(name, errors[:, column], limit) for name, column in _ANGLES.items() for limit in _UP_TO]
     scores = {f"{name} AUC {limit:g}°": _recall_area(values, limit) for name, values, limit in areas}
     ends, true_ends = (horizon_ends(of.camera, truth.aspect) for of in (answers, truth))
     horizon = np.abs(ends - true_ends).max(axis=1)
     cameras = truth.camera, answers.camera
     return {
         **scores,
-        "horizon AUC": _recall_area(horizon, HORIZON_UP_TO),
+        "horizon AUC": _recall_area(horizon, _HORIZON_UP_TO),
         "horizon off %": 100 * median(horizon),
         "horizon noticed %": float(np.mean(_horizon_noticed(horizon))),
         "roll noticed %": float(np.mean(_roll_noticed(truth.camera[:, 1], answers.camera[:, 1]))),
@@ -346,14 +346,14 @@ def format_interval(ends: tuple[float, float], decimals: int = 1) -> str:
 
 # Confidence intervals by bootstrap over whole panoramas or places, whose crops are not independent.
 
-REPEATS = 2000
+_REPEATS = 2000
 
 
 def _bootstrap(units: Names, figure: Callable[[NDArray[np.intp]], float]) -> tuple[float, float]:
     """95 % interval of `figure(indices)` when whole units (N,), panoramas or places, are drawn with replacement."""
     rng = np.random.default_rng(0)
     members = [np.flatnonzero(units == unit) for unit in np.unique(units)]
-    draws = rng.integers(len(members), size=(REPEATS, len(members)))
+    draws = rng.integers(len(members), size=(_REPEATS, len(members)))
     values = [figure(np.concatenate([members[i] for i in draw])) for draw in draws]
     low, high = np.percentile(values, [2.5, 97.5])
     return float(low), float(high)

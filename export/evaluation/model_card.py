@@ -15,7 +15,7 @@ from lighting.files import atomic_write
 from lighting.model import METRICS, MODEL_CARD, network_sha256, packaged_model
 
 ROOT = Path(__file__).parents[2]
-TEMPLATE = Path(__file__).with_name("card_template.md")
+_TEMPLATE = Path(__file__).with_name("card_template.md")
 RELIABILITY = Path("docs") / "images" / RELIABILITY_FILE
 PAGES = ("README.md", "docs/understand/trust.md")  # which cite figures between marks
 _MARKED = re.compile(r"(<!--metrics:(\w+)-->\n?).*?(\n?<!--/metrics-->)", re.DOTALL)
@@ -89,7 +89,7 @@ def _render_card(metrics: NetworkMetrics) -> str:
         "table": _accuracy_table(metrics, others=True),
         "limits": fill(" ".join(_limits(metrics)), _WIDTH),
     }
-    return TEMPLATE.read_text(encoding="utf-8").format(**values)
+    return _TEMPLATE.read_text(encoding="utf-8").format(**values)
 
 
 def _fill_figures(page: str, metrics: NetworkMetrics) -> str:

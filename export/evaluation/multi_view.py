@@ -145,10 +145,10 @@ def _decode(views: _Densities, kind: str, probability: Floats) -> SunEstimate:
 
 # Accuracy and coverage of several crops of one panorama taken together.
 
-COMPASS_JITTER = 10.0  # deg, standard deviation between two headings of one phone; the rest of its error is shared
+_COMPASS_JITTER = 10.0  # deg, standard deviation between two headings of one phone; the rest of its error is shared
 _SIMULATION = fill(
     "Groups of views of one panorama. Known headings are exact. Compass headings share one error with a median of "
-    f"{COMPASS_MEDIAN:g}°, and each has its own of {COMPASS_JITTER:g}° standard deviation. The views share elevation, "
+    f"{COMPASS_MEDIAN:g}°, and each has its own of {_COMPASS_JITTER:g}° standard deviation. The views share elevation, "
     "turbidity and exposure; unknown headings are inferred relative to the first view.",
     120,
 )
@@ -184,9 +184,9 @@ def groups_report(
     """
     dealt = {size: _group_crops(truth, crops_each, size) for size in SIZES}
     rows = {}
-    for name, evidence in MODES.items():
+    for name, evidence in _MODES.items():
         for size, groups in dealt.items():
-            headings = azimuth if name in WITH_HEADINGS else None
+            headings = azimuth if name in _WITH_HEADINGS else None
             fused = [_fuse_group(g, predictions, simulated, evidence, headings) for g in groups]
             rows[f"{size}, {name}"] = _figures(truth, groups, fused, azimuth)
     sections = [
@@ -207,7 +207,7 @@ def _no_evidence(_: SimulatedMetadata, __: np.random.Generator, ___: float) -> O
 
 
 def _compass(simulated: SimulatedMetadata, rng: np.random.Generator, shared: float) -> Observations:
-    return Observations(heading=(simulated.heading + shared + rng.normal(0, COMPASS_JITTER)) % 360.0)
+    return Observations(heading=(simulated.heading + shared + rng.normal(0, _COMPASS_JITTER)) % 360.0)
 
 
 def _time(simulated: SimulatedMetadata, _: np.random.Generator, __: float) -> Observations:
@@ -219,14 +219,14 @@ def _time_and_compass(simulated: SimulatedMetadata, rng: np.random.Generator, sh
     return replace(_time(simulated, rng, shared), heading=_compass(simulated, rng, shared).heading)
 
 
-MODES: dict[str, EvidenceOf] = {
+_MODES: dict[str, EvidenceOf] = {
     "headings known": _no_evidence,
     "compass headings": _compass,
     "headings unknown": _no_evidence,
     "headings known, time+place": _time,
     "compass headings, time+place": _time_and_compass,
 }
-WITH_HEADINGS = ("headings known", "headings known, time+place")
+_WITH_HEADINGS = ("headings known", "headings known, time+place")
 
 
 def _fuse_group(

@@ -31,11 +31,11 @@ from lighting.sun_grid import nearest_cell_density
 View = tuple[Source, Camera]
 NetworkOutput = dict[str, list[Prediction]]  # of the same views, by each network
 
-MAX_SUN_UNCERTAINTY = 12.0  # deg, the largest label uncertainty of a sun that is scored
+_MAX_SUN_UNCERTAINTY = 12.0  # deg, the largest label uncertainty of a sun that is scored
 CROPS_EACH = 8  # views of each panorama and protocol
 SUN_VIEWS_EACH = 4  # views of each panorama that shows its sun
-BATCH = 16  # photos that a network sees at once
-MIN_SKY_SHARE = 0.1  # least share of a crop above the horizon for "sky in view"
+_BATCH = 16  # photos that a network sees at once
+_MIN_SKY_SHARE = 0.1  # least share of a crop above the horizon for "sky in view"
 MIN_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
 
 
@@ -90,8 +90,8 @@ def predict_crops(model: Model, views: Sequence[View]) -> tuple[Truth, list[Pred
     """
     crops: list[Crop] = []
     predictions: list[Prediction] = []
-    for first in range(0, len(views), BATCH):
-        part = [crop_panorama(source, camera, model.spec) for source, camera in views[first : first + BATCH]]
+    for first in range(0, len(views), _BATCH):
+        part = [crop_panorama(source, camera, model.spec) for source, camera in views[first : first + _BATCH]]
         predictions += model.predict(np.stack([pad_to_input(tone_map(crop.linear), model.spec) for crop in part]))
         crops += part
     return collect_truth([source.panorama for source, _ in views], crops), predictions
@@ -130,7 +130,7 @@ def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth
     return Truth(
         panorama=np.array([p.name for p in panoramas]),
         place=np.array([p.place for p in panoramas]),
-        scored=np.isfinite(sun[:, 0]) & (uncertainty <= MAX_SUN_UNCERTAINTY),
+        scored=np.isfinite(sun[:, 0]) & (uncertainty <= _MAX_SUN_UNCERTAINTY),
         sun=sun,
         camera=np.array([[c.camera.elevation, c.camera.roll, c.camera.vertical_fov] for c in crops]),
         aspect=np.array([c.camera.aspect for c in crops]),
@@ -142,11 +142,11 @@ def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth
 
 
 def _name_view(panorama: Panorama, crop: Crop) -> str:
-    """By geometry: a visible sun, or more than MIN_SKY_SHARE of the frame above the horizon, or neither."""
+    """By geometry: a visible sun, or more than _MIN_SKY_SHARE of the frame above the horizon, or neither."""
     if panorama.sun == "visible" and crop.sun_pixel:
         return "sun in view"
     rays = camera_directions(pinhole_camera(crop.camera, 32, 24))
-    return "sky in view" if np.mean(rays[..., 1] > 0) > MIN_SKY_SHARE else "no sky"
+    return "sky in view" if np.mean(rays[..., 1] > 0) > _MIN_SKY_SHARE else "no sky"
 
 
 def decode_answers(predictions: Sequence[Prediction], sun: Floats) -> Answers:

@@ -33,9 +33,9 @@ from lighting.prediction import Prediction
 from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle, temper
 
 LEVELS = tuple(range(5, 100, 5))  # %, drawn
-QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
+_QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
 DENSEST, CONE = "all", "all, cone around the answer"
-RELIABILITY_MEANING = fill(
+_RELIABILITY_MEANING = fill(
     "Share [%] of true suns inside the region that holds p of the probability. The region is the cells of highest "
     "density; in the last row it is the cone around the answer, of `radius_50` or `radius_90`. A calibrated "
     "distribution has p in the column p. `largest gap` is the largest difference over p = 5 to 95 %, in "
@@ -95,13 +95,13 @@ def reliability_report(protocol: str, curves: dict[str, Floats]) -> str:
     rows = {
         name: {
             "crops": float(len(levels)),
-            **{f"{p} %": float(value) for p, value in zip(QUOTED, _inside(levels, QUOTED), strict=True)},
+            **{f"{p} %": float(value) for p, value in zip(_QUOTED, _inside(levels, _QUOTED), strict=True)},
             "largest gap": float(np.abs(_inside(levels, LEVELS) - LEVELS).max()),
         }
         for name, levels in curves.items()
     }
     title = f"## Reliability of the sun's distribution, protocol `{protocol}`"
-    return f"{title}\n\n{RELIABILITY_MEANING}\n\n{figures_table(rows)}"
+    return f"{title}\n\n{_RELIABILITY_MEANING}\n\n{figures_table(rows)}"
 
 
 def draw_reliability(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
@@ -142,9 +142,9 @@ def _draw_panel(panel: Any, curves: dict[str, Floats]) -> None:
     panel.legend(frameon=False, fontsize=8)
 
 
-TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
+_TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
 _COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
-TEMPERATURE_MEANING = fill(
+_TEMPERATURE_MEANING = fill(
     "Temperature T of the sun's probabilities, p^(1/T), in addition to the network's own. It is fitted by NLL on one "
     "half of the places and tested on the other (`all`: fitted and tested on all). Regions are cones around the "
     "answer. The network ships with the right temperature if T is near 1 in both halves and changes little.",
@@ -167,7 +167,7 @@ def temperature_report(protocol: str, truth: Truth, predictions: Sequence[Predic
         learning, tested = (truth.scored if h is None else truth.scored & (half == h) for h in (fit, measured))
         if learning.any() and tested.any():
             rows[name] = _temperature_row(truth, predictions, learning, tested)
-    return f"## Temperature, protocol `{protocol}`\n\n{TEMPERATURE_MEANING}\n\n{figures_table(rows)}"
+    return f"## Temperature, protocol `{protocol}`\n\n{_TEMPERATURE_MEANING}\n\n{figures_table(rows)}"
 
 
 def _temperature_row(
@@ -182,11 +182,11 @@ def _temperature_row(
 
 
 def _fit_temperature(predictions: Sequence[Prediction], sun: Floats) -> float:
-    """The one of TEMPERATURES under which the true suns (N, 3) are most likely."""
+    """The one of _TEMPERATURES under which the true suns (N, 3) are most likely."""
     cells, area = (of(predictions[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
     sun_cell = np.argmax(sun @ cells.T, axis=1)
     log = np.log(np.maximum([p.sun_probability for p in predictions], MIN_DENSITY * area))
-    costs = {t: _mean_nll(log / t, sun_cell) for t in TEMPERATURES}
+    costs = {t: _mean_nll(log / t, sun_cell) for t in _TEMPERATURES}
     return min(costs, key=costs.__getitem__)
 
 

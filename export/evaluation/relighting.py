@@ -39,11 +39,11 @@ from lighting.records import Lighting
 
 HEIGHT = 64  # rows of the maps that light the scene
 SIZE = 64  # pixels of the square picture
-HALF_WIDTH = 2.2  # of the view, in radii of the sphere
-VIEW_ELEVATION = -25.0  # deg: the scene is seen from above
+_HALF_WIDTH = 2.2  # of the view, in radii of the sphere
+_VIEW_ELEVATION = -25.0  # deg: the scene is seen from above
 SPHERE_ALBEDO, PLANE_ALBEDO = 0.8, 0.5
-BUMPS = ((7.0, 2.0, 3.0), (-4.0, 6.0, 5.0), (3.0, -8.0, 6.0), (9.0, 5.0, -4.0))  # wave vectors, per radius
-BUMP_HEIGHT = 0.018  # radii, of each wave
+_BUMPS = ((7.0, 2.0, 3.0), (-4.0, 6.0, 5.0), (3.0, -8.0, 6.0), (9.0, 5.0, -4.0))  # wave vectors, per radius
+_BUMP_HEIGHT = 0.018  # radii, of each wave
 
 
 @lru_cache(maxsize=1)
@@ -61,9 +61,9 @@ def _scene_points() -> tuple[Floats, Floats, Floats, Floats]:
 
     The unit sphere at the origin stands on the plane y = -1.
     """
-    forward = direction(0.0, VIEW_ELEVATION)
-    right, up = np.array([1.0, 0.0, 0.0]), direction(0.0, VIEW_ELEVATION + 90)
-    steps = ((np.arange(SIZE) + 0.5) / SIZE * 2 - 1) * HALF_WIDTH
+    forward = direction(0.0, _VIEW_ELEVATION)
+    right, up = np.array([1.0, 0.0, 0.0]), direction(0.0, _VIEW_ELEVATION + 90)
+    steps = ((np.arange(SIZE) + 0.5) / SIZE * 2 - 1) * _HALF_WIDTH
     start = (steps[None, :, None] * right - steps[:, None, None] * up).reshape(-1, 3) - 10 * forward
     to_sphere = ray_sphere(start, forward, np.zeros(3))
     on_sphere = np.isfinite(to_sphere)
@@ -76,8 +76,8 @@ def _scene_points() -> tuple[Floats, Floats, Floats, Floats]:
 
 def _bumpy(points: Floats) -> Floats:
     """Normals (P, 3) of the unit sphere with waves on it: the smooth ones minus the waves' tangential slope."""
-    waves = np.array(BUMPS)
-    slope = BUMP_HEIGHT * np.cos(points @ waves.T) @ waves
+    waves = np.array(_BUMPS)
+    slope = _BUMP_HEIGHT * np.cos(points @ waves.T) @ waves
     normals = points - (slope - np.sum(slope * points, axis=1, keepdims=True) * points)
     return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 

@@ -45,7 +45,7 @@ from lighting.prediction import Prediction
 from lighting.sun_grid import weighted_median
 
 CONSTANT = "constant direction"
-MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
+_MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
 
 
 def baseline_answers(truth: Truth, training: Sequence[Label]) -> dict[str, Answers]:
@@ -60,7 +60,7 @@ def baseline_answers(truth: Truth, training: Sequence[Label]) -> dict[str, Answe
     fitted = [label for label in training if label.fit_ok]
     uniform = np.full(count, math.log(2 * math.pi))
     constants = {
-        "camera": np.tile(MIDDLE_CAMERA, (count, 1)),
+        "camera": np.tile(_MIDDLE_CAMERA, (count, 1)),
         "visibility": np.zeros(count),
         "turbidity": np.full(count, median(np.array([label.turbidity for label in fitted]))),
         "exposure": np.full(count, median(np.array([label.exposure for label in fitted]))),
@@ -325,7 +325,7 @@ def median_by_scene(error: Floats, scenes: Names) -> float:
 
 # Whether the estimated turbidity beats the best constant.
 
-TURBIDITY_MEANING = fill(
+_TURBIDITY_MEANING = fill(
     "Median absolute error against the skies fitted to the panoramas. The constant is the median of training skies. "
     "The intervals (95 %) are of the network's error minus the constant's. LDR skies count only if their fit "
     "is trusted.",
@@ -351,7 +351,7 @@ def turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answe
             answers = (select_crops(of, chosen) for of in (ours, constant))
             lines.append(_turbidity_row(name, select_crops(truth, chosen), *answers))
     header = ["", "crops", "panoramas", "places", "network", "constant", "minus it, panoramas", "minus it, places"]
-    return f"## Turbidity, protocol `{protocol}`\n\n{TURBIDITY_MEANING}\n\n{markdown_table(header, lines)}"
+    return f"## Turbidity, protocol `{protocol}`\n\n{_TURBIDITY_MEANING}\n\n{markdown_table(header, lines)}"
 
 
 def _turbidity_row(name: str, truth: Truth, ours: Answers, constant: Answers) -> list[str]:

@@ -1,7 +1,7 @@
 """Three balls lit by maps of crops, by the protocol that DiffusionLight [1] made usual.
 
-Maps of HEIGHT rows are taken to the power 1 / GAMMA and scaled to a median of one half, without clipping. So one reads
-them as pictures, not as light. They light a diffuse, a matte silver and a mirror ball, seen from VIEW meters away and
+Maps of HEIGHT rows are taken to the power 1 / _GAMMA and scaled to a median of one half, without clipping. So one reads
+them as pictures, not as light. They light a diffuse, a matte silver and a mirror ball, seen from _VIEW meters away and
 above. Figures: the error after the best scale (SI-RMSE), and the angle between RGB vectors. Linear light has larger
 errors: never compare the two.
 
@@ -33,10 +33,10 @@ from lighting.map_options import MapOptions
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
 
-GAMMA = 2.4
-VIEW = 16.0, 2.0  # m from the ball, and above it
+_GAMMA = 2.4
+_VIEW = 16.0, 2.0  # m from the ball, and above it
 _ALBEDO = 0.8
-ROUGHNESS = 0.5  # of matte silver; the square is alpha of GGX [2]
+_ROUGHNESS = 0.5  # of matte silver; the square is alpha of GGX [2]
 _BALLS = ("diffuse", "matte", "mirror")
 
 _AZIMUTHS = 0.0, 180.0  # deg, of the two level crops of a panorama
@@ -72,8 +72,8 @@ def report_light_balls(data: Path, model: Model, count: int | None = None) -> st
         for photo, truth in _views(panorama):
             estimate = estimator(photo_from_array(photo), UserInput(vertical_fov=_FOV))
             lit = pool_map(estimate.render(MapOptions(_MAP_ROWS)).image)
-            ours.append(score_map(lit, truth))
-            theirs.append(score_map(constant, truth))
+            ours.append(_score_map(lit, truth))
+            theirs.append(_score_map(constant, truth))
             sunny.append(panorama.sun == "visible" and panorama.direct == "yes")
     chosen = np.array(sunny)
     rows = {
@@ -85,7 +85,7 @@ def report_light_balls(data: Path, model: Model, count: int | None = None) -> st
     return "\n\n".join(["## Three balls, by the public protocol", __doc__.split("\n\n")[1], figures_table(rows, 3)])
 
 
-def score_map(light: Floats, truth: Floats) -> _Score:
+def _score_map(light: Floats, truth: Floats) -> _Score:
     """The errors of a map.
 
     Args:
@@ -103,8 +103,8 @@ def _ball_errors(lit: Floats, true: Floats) -> tuple[float, float]:
 
 
 def _developed(light: Floats) -> Floats:
-    """A map to the power 1 / GAMMA, of median one half."""
-    power = np.maximum(light, 0.0) ** (1 / GAMMA)
+    """A map to the power 1 / _GAMMA, of median one half."""
+    power = np.maximum(light, 0.0) ** (1 / _GAMMA)
     return np.asarray(power * (0.5 / max(float(np.median(power)), _EPSILON)))
 
 
@@ -125,7 +125,7 @@ def _ball_matrices() -> list[NDArray[np.float32]]:
     half = rays[None] + view[:, None]
     half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), _EPSILON)
     facing = np.maximum(np.einsum("pri,pi->pr", half, normal), 0)
-    alpha2 = ROUGHNESS**4
+    alpha2 = _ROUGHNESS**4
     density = alpha2 / (math.pi * (facing**2 * (alpha2 - 1) + 1) ** 2)
     seen = np.maximum(np.sum(normal * view, axis=1, keepdims=True), _EPSILON)
     matte = _ALBEDO * density * _unmasked(cosine, alpha2) * _unmasked(seen, alpha2) / (4 * seen) * (cosine > 0)
@@ -142,7 +142,7 @@ def _unmasked(cosine: Floats, alpha2: float) -> Floats:
 
 def _ball_points() -> tuple[Floats, Floats]:
     """Normals (P, 3) of a ball of 1 m that a camera sees which looks at it, and directions (P, 3) to the camera."""
-    back, up = np.array([0.0, VIEW[1], VIEW[0]]), np.array([0.0, 1.0, 0.0])
+    back, up = np.array([0.0, _VIEW[1], _VIEW[0]]), np.array([0.0, 1.0, 0.0])
     distance = float(np.linalg.norm(back))
     forward = -back / distance
     right = np.cross(forward, up)

@@ -160,7 +160,7 @@ def _gloss(normals: FloatImage, skies: Skies, pose: Pose, material: Material) ->
 
 # Shapes to photograph: scanned objects and meshes, which lie beside the project and never in it.
 
-SCANNED_OBJECTS = ("bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
+_SCANNED_OBJECTS = ("bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
 
 _MARGIN = 8  # pixels around an object
 _VIEW_SIDE = 224  # pixels each way of a mesh's view
@@ -183,7 +183,7 @@ def read_subjects(data: Path, step: int = 1) -> Iterator[Subject]:
         data: the folder.
         step: every so many pixels of each, both ways.
     """
-    for name in SCANNED_OBJECTS:
+    for name in _SCANNED_OBJECTS:
         if (data / "scanned_objects" / name).is_dir():
             yield _thinned(_scanned(data / "scanned_objects" / name), step)
     for file in sorted((data / "meshes").glob("*.obj")):

@@ -79,7 +79,7 @@ Image = NDArray[np.float32]
 Batch = tuple[Tensor, Tensor, Tensor, Tensor]
 
 CROP = 64  # pixels
-CROPS = 3  # of each surface and day
+_CROPS = 3  # of each surface and day
 
 _SIZES = (160, 320)  # pixels, of the whole picture
 _SEARCHED = 1200  # normals that the search tries here
@@ -171,10 +171,10 @@ def _windows(surface: Surface, rng: np.random.Generator) -> Iterator[tuple[slice
     """Places of crops that hold enough of the surface."""
     height, width = surface.mask.shape
     count = 0
-    for _ in range(8 * CROPS):
+    for _ in range(8 * _CROPS):
         top, left = rng.integers(0, [height - CROP + 1, width - CROP + 1])
         window = slice(top, top + CROP), slice(left, left + CROP)
-        if surface.mask[window].mean() > _MIN_COVERAGE and count < CROPS:
+        if surface.mask[window].mean() > _MIN_COVERAGE and count < _CROPS:
             count += 1
             yield window
 

@@ -16,7 +16,7 @@ from lighting.geometry import Floats
 Image = NDArray[np.float32]
 TriangleMesh = tuple[Image, NDArray[np.intp]]  # vertices (V, 3) and triangles (F, 3)
 
-HELD_OUT = ("spot", "skull", "demosthenes")  # meshes that training never sees
+_HELD_OUT = ("spot", "skull", "demosthenes")  # meshes that training never sees
 
 _SAMPLES = 14  # points on a mesh for each pixel of its picture, about half of which it covers
 
@@ -31,12 +31,12 @@ class Surface:
 
 
 def is_held_out(path: Path) -> bool:
-    """Whether an OBJ file holds one of HELD_OUT, by its name up to the first hyphen or underscore.
+    """Whether an OBJ file holds one of _HELD_OUT, by its name up to the first hyphen or underscore.
 
     Args:
         path: of the file.
     """
-    return path.stem.split("-")[0].split("_")[0] in HELD_OUT
+    return path.stem.split("-")[0].split("_")[0] in _HELD_OUT
 
 
 def read_mesh(path: Path) -> TriangleMesh:

@@ -28,7 +28,7 @@ from lighting.errors import ModelError
 from lighting.files import atomic_write
 from lighting.stereo.normal_network import BY_IMAGE, SHARED, Network, NormalFeatures
 
-OPSET = 18
+_OPSET = 18
 EXPORT_TOLERANCE = 2e-3  # largest difference between torch and onnxruntime, of normals and of errors [rad]
 _EVERY = 50  # steps between lines of the log
 _SAVE = 200  # steps between checkpoints
@@ -229,7 +229,7 @@ def _trace(served: ServedNormals) -> Any:
             input_names=["by_image", "shared"],
             output_names=["normal", "error"],
             dynamic_shapes=shapes,
-            opset_version=OPSET,
+            opset_version=_OPSET,
             dynamo=True,
             verbose=False,
         )

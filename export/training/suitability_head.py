@@ -148,7 +148,7 @@ _HELD_OUT = 0.25  # of the places
 _WEIGHT_DECAY = 1e-2
 _STEPS = 100
 _ROTATED_KINDS = ("photo turned left", "photo upside down", "photo turned right")
-PHOTOS_TABLE = "photos.csv"
+_PHOTOS_TABLE = "photos.csv"
 
 Names = NDArray[np.str_]
 
@@ -221,7 +221,7 @@ def _photo_crops(data: Path, spec: ModelSpec) -> list[Picture]:
 
 def _describe_photos(head: _Head, network: SuitabilityFile, data: Path) -> str:
     """What the head predicts of the photos of `photos.csv`, which nothing learnt from."""
-    table = data / PHOTOS_TABLE
+    table = data / _PHOTOS_TABLE
     if not table.exists():
         return ""
     photos = [resize_to_input(read_photo(data / row["file"]), network.spec) for row in read_table(table, ("file",))]

@@ -20,7 +20,7 @@ from lighting.geometry import Floats, Pinhole, latlong_angles, wrap_azimuth
 from lighting.prediction import PASSING_THINGS, Segments, pixel_share
 from lighting.records import Lighting
 
-FEATHER = 0.15  # share of the picture's half width and half height over which it fades into its surroundings
+_FEATHER = 0.15  # share of the picture's half width and half height over which it fades into its surroundings
 CLIPPED = 0.95  # linear value from which a pixel may have been brighter
 CELL_RATIO_RANGE = (0.05, 4.0)  # by which a cell of the bare map may be dimmed or lit
 
@@ -261,7 +261,7 @@ def project_photo(
 
 def _inner_weight(x: Image, y: Image) -> Image:
     """Weight of a photo at positions in it, each -1 to 1; it falls to 0 at its edges."""
-    ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(FEATHER), 0, 1)
+    ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(_FEATHER), 0, 1)
     return np.asarray(ramp * ramp * (3 - 2 * ramp))
 
 

@@ -69,7 +69,7 @@ _UNDECIDED = 0.15  # difference of such logarithms, under which the pixels do no
 
 
 # Photos in shade and under clouds show less of the sun than the network's panoramas do: `export fit photo-radii`.
-HIDDEN_TEMPERATURE = 2.0  # of the sun's distribution where no direct sun shows
+_HIDDEN_TEMPERATURE = 2.0  # of the sun's distribution where no direct sun shows
 _CLEAR_VISIBILITY = 0.9  # from which on the distribution stays
 
 
@@ -149,7 +149,7 @@ def _refine_view(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov
     return replace(refined, sun_probability=temper(refined.sun_probability, temperature))
 
 
-def photo_temperature(visibility: float, hidden: float = HIDDEN_TEMPERATURE) -> float:
+def photo_temperature(visibility: float, hidden: float = _HIDDEN_TEMPERATURE) -> float:
     """Return by which temperature, at least 1, a photo's distribution of the sun is wider than the network's.
 
     Args:

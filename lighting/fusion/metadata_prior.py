@@ -80,7 +80,7 @@ def _is_polar_night(instants: Sequence[Instant], location: Location | None) -> b
 
 
 USER_HEADING_STD = 10.0  # deg, of a heading that the user states: read from a map rather than from a phone
-DECLINATION_STD = 17.0  # deg, root mean square of the magnetic declination over the latitudes up to 65 deg in 2022
+_DECLINATION_STD = 17.0  # deg, root mean square of the magnetic declination over the latitudes up to 65 deg in 2022
 
 _EARTH_RADIUS_KM = 6371.0
 _MAX_DISTANCE_KM = 100.0  # within which the sun has the same direction to a degree
@@ -329,7 +329,7 @@ def _compass(metadata: PhotoMetadata, instants: PhotoInstants, user_input: UserI
     declination = _declination_of(metadata, instants)
     if metadata.heading_reference == HeadingReference.MAGNETIC and declination is not None:
         return (metadata.heading + declination) % 360.0, COMPASS_STD
-    std = DECLINATION_STD if declination is None else declination
+    std = _DECLINATION_STD if declination is None else declination
     return metadata.heading % 360.0, math.hypot(COMPASS_STD, std)
 
 

@@ -221,7 +221,7 @@ def fuse_gravity(prediction: Prediction, observations: Observations) -> _Gravity
 
 def _fuse_drawn_camera(prediction: Prediction, observations: Observations, drawn: DrawnCamera) -> _GravityFused:
     """The same with the camera that the user drew, in place of what the file says of its tilt."""
-    camera, lens = observed_camera(prediction, observations), observations.vertical_fov
+    camera, lens = _observed_camera(prediction, observations), observations.vertical_fov
     fitted = fit_camera(camera, drawn, lens_known=lens is not None)
     changed = replace(
         prediction, camera_elevation=fitted.elevation, camera_roll=fitted.roll, vertical_fov=fitted.vertical_fov
@@ -230,7 +230,7 @@ def _fuse_drawn_camera(prediction: Prediction, observations: Observations, drawn
     return _GravityFused(changed, replace(observations, gravity=None, vertical_fov=kept))
 
 
-def observed_camera(prediction: Prediction, observations: Observations) -> Pinhole:
+def _observed_camera(prediction: Prediction, observations: Observations) -> Pinhole:
     """Return the camera of a photo in which a person drew.
 
     Args:
@@ -296,7 +296,7 @@ def _fuse_shadows(leveled: _GravityFused) -> _GravityFused:
     prediction, observations = leveled.prediction, leveled.observations
     if not observations.shadows:
         return leveled
-    camera = observed_camera(prediction, observations)
+    camera = _observed_camera(prediction, observations)
     cells = grid_directions(prediction.spec.sun_grid)
     probability = fuse_shadows(prediction.sun_probability, observations.shadows, camera, cells)
     pixels = float(angles(prediction.sun_direction)[0])

@@ -33,7 +33,7 @@ from lighting.records import Lighting
 
 MIRROR, GLOSSY, DIFFUSE = range(3)  # from left to right
 
-MIRROR_SUN_RADIUS = 1.0  # deg, wide enough to be seen in the mirror, with the same power
+_MIRROR_SUN_RADIUS = 1.0  # deg, wide enough to be seen in the mirror, with the same power
 MIRROR_REFLECTANCE = 0.92
 GLOSSY_REFLECTANCE = 0.85
 DIFFUSE_REFLECTANCE = 0.36  # twice a gray card's: white burns out in many photos of sunlight
@@ -44,9 +44,9 @@ _FOOT_SHADE = 0.7  # share of the surrounding light that does not reach a sphere
 
 VERTICAL_FOV = 40.0  # deg
 PITCH = (-20.0, -5.0)  # deg, range of the camera's elevation that keeps ground and sky in view
-SPACING = 2.6  # between neighbouring centers, in radii
-CENTER_HEIGHT = 0.60  # of the middle sphere in the picture, 0 = top, 1 = bottom
-PICTURE_WIDTH = 8.6  # at the spheres' distance, in radii
+_SPACING = 2.6  # between neighbouring centers, in radii
+_CENTER_HEIGHT = 0.60  # of the middle sphere in the picture, 0 = top, 1 = bottom
+_PICTURE_WIDTH = 8.6  # at the spheres' distance, in radii
 
 _LOBE_ROWS = 32  # of the blurred map
 _EXCHANGE_ROWS = 24  # of `SphereScene.exchange`, by the direction to a sphere
@@ -196,9 +196,9 @@ def sphere_centers(aspect: float, pitch: float) -> NDArray[np.float32]:
         pitch: the camera's elevation in deg.
     """
     right, up, forward = camera_axes(0.0, pitch, 0.0)
-    height = PICTURE_WIDTH / aspect
-    middle = forward * geometry.focal_length(height, VERTICAL_FOV) + up * (0.5 - CENTER_HEIGHT) * height
-    return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * right, dtype=np.float32)
+    height = _PICTURE_WIDTH / aspect
+    middle = forward * geometry.focal_length(height, VERTICAL_FOV) + up * (0.5 - _CENTER_HEIGHT) * height
+    return np.asarray(middle + np.array([[-_SPACING], [0.0], [_SPACING]]) * right, dtype=np.float32)
 
 
 # The light of a scene.
@@ -438,7 +438,7 @@ def _shade_sphere(kind: int, points: Floats, rays: Floats, scene: SphereScene, *
     if kind == GLOSSY:
         incoming = sample_latlong(scene.glossy_sky, reflected) * _contact(normals)
         return _shade_glossy(incoming, points, reflected, scene, kind, GLOSSINESS)
-    return MIRROR_REFLECTANCE * _trace(points, reflected, scene, kind, MIRROR_SUN_RADIUS)
+    return MIRROR_REFLECTANCE * _trace(points, reflected, scene, kind, _MIRROR_SUN_RADIUS)
 
 
 def _blurred_surroundings(points: Floats, rays: Floats, scene: SphereScene) -> Floats:
@@ -590,7 +590,7 @@ def _ball_centers(camera: Pinhole, spot: Floats, camera_height: float) -> tuple[
     ahead = float(spot @ camera.axes[2])
     radius = float(object_radius(camera, np.array(-spot[1] / ahead), camera_height))
     middle = spot / ahead * camera.focal_length / radius + [0.0, 1.0, 0.0]
-    return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0]), radius
+    return np.asarray(middle + np.array([[-_SPACING], [0.0], [_SPACING]]) * [1.0, 0.0, 0.0]), radius
 
 
 def _remaining_light(

@@ -14,10 +14,10 @@ from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.probe.fisheye import Lens, unproject_from_lens
 
-MIN_SUNS = 3  # that a series needs
-MIN_ARC = 15.0  # deg, that the suns of a series must span
-MIN_SUNS_FOR_FOV = 4  # and
-MIN_ARC_FOR_FOV = 40.0  # deg, from which on the field of view is fitted too
+_MIN_SUNS = 3  # that a series needs
+_MIN_ARC = 15.0  # deg, that the suns of a series must span
+_MIN_SUNS_FOR_FOV = 4  # and
+_MIN_ARC_FOR_FOV = 40.0  # deg, from which on the field of view is fitted too
 _FOV_REACH, _FOV_STEPS = 0.2, (0.02, 0.004, 0.001)  # of the field of view: how far it is sought, and in what steps
 _OUTLIER_MEDIANS = 4.0  # medians of the residuals
 _MIN_OUTLIER = 1.0  # deg
@@ -78,15 +78,15 @@ def align_series(lens: Lens, pixels: Floats, suns: Floats) -> Alignment:
         suns: (N, 3) unit vectors to the suns in the world, by the ephemeris.
 
     Raises:
-        ProbeError: fewer than MIN_SUNS suns, or suns too near each other.
+        ProbeError: fewer than _MIN_SUNS suns, or suns too near each other.
 
     References:
         [1] Kabsch, A solution for the best rotation to relate two sets of vectors, Acta Cryst. A32, 1976.
     """
     arc = float(max(angle_between(suns[:, None], suns[None]).max(), 0.0))
-    if len(suns) < MIN_SUNS or arc < MIN_ARC:
+    if len(suns) < _MIN_SUNS or arc < _MIN_ARC:
         raise ProbeError(
-            f"A series needs the sun in {MIN_SUNS} probes or more over {MIN_ARC:g} deg of its path; "
+            f"A series needs the sun in {_MIN_SUNS} probes or more over {_MIN_ARC:g} deg of its path; "
             f"it was found in {len(suns)}, over {arc:.0f} deg."
         )
     senses = [lens, replace(lens, mirrored=not lens.mirrored)]
@@ -94,7 +94,7 @@ def align_series(lens: Lens, pixels: Floats, suns: Floats) -> Alignment:
 
 
 def _fit_series(lens: Lens, pixels: Floats, suns: Floats, arc: float) -> Alignment:
-    if len(suns) < MIN_SUNS_FOR_FOV or arc < MIN_ARC_FOR_FOV or lens.kind in ("ball", "latlong"):
+    if len(suns) < _MIN_SUNS_FOR_FOV or arc < _MIN_ARC_FOR_FOV or lens.kind in ("ball", "latlong"):
         return _fit_rotation(lens, pixels, suns)
     best, reach = _fit_rotation(lens, pixels, suns), _FOV_REACH
     for step in _FOV_STEPS:
@@ -121,7 +121,7 @@ def _fit_rotation(lens: Lens, pixels: Floats, suns: Floats) -> Alignment:
         residuals = np.where(visible, angle_between(observed @ rotation.T, suns), 180.0)
         limit = max(_OUTLIER_MEDIANS * float(np.median(residuals)), _MIN_OUTLIER)
         is_inlier = residuals <= limit
-        used = is_inlier if is_inlier.sum() >= MIN_SUNS else used
+        used = is_inlier if is_inlier.sum() >= _MIN_SUNS else used
     return Alignment(rotation, lens, residuals, used)
 
 

@@ -31,7 +31,7 @@ from lighting.photo.linear import (
 from lighting.photo.metadata import PhotoMetadata
 
 _FLOAT_SUFFIXES = tuple(f".{name}" for name, entry in MAP_FORMATS.items() if entry.read)
-PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)
+_PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def _read_exposure(path: Path, curve: Curve | None) -> LinearPhoto:
         raise PhotoError(f"{path}: {error}") from error
 
 
-MAX_EXPOSURE_GAP = timedelta(seconds=20)  # between the starts of two exposures from which on another bracket begins
+_MAX_EXPOSURE_GAP = timedelta(seconds=20)  # between the starts of two exposures from which on another bracket begins
 
 _STAMP = re.compile(r"(20\d{2})(\d{2})(\d{2})\D?(\d{2})(\d{2})(\d{2})")
 
@@ -178,7 +178,7 @@ def list_pictures(folder: Path) -> list[Path]:
     Raises:
         ProbeError: it holds no pictures.
     """
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (*PICTURE_SUFFIXES, *RAW_SUFFIXES))
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (*_PICTURE_SUFFIXES, *RAW_SUFFIXES))
     if not files:
         raise ProbeError(f"{folder} holds no pictures.")
     return files
@@ -189,7 +189,7 @@ def _split_by_time(files: Sequence[Path]) -> list[list[Path]]:
     timed = sorted(zip(times, files, strict=True))
     groups = [[timed[0][1]]] if timed else []
     for (before, _), (time, file) in pairwise(timed):
-        if time - before > MAX_EXPOSURE_GAP:
+        if time - before > _MAX_EXPOSURE_GAP:
             groups.append([])
         groups[-1].append(file)
     return groups

@@ -42,7 +42,7 @@ from lighting.probe.sun_detection import Mask, SunBlob, find_sun_blob
 from lighting.records import Lighting
 from lighting.solar_position import sun_position
 
-MAX_STOPS = 40.0  # of a filter; one for the sun has 17
+_MAX_STOPS = 40.0  # of a filter; one for the sun has 17
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class BracketSettings:
     def __post_init__(self) -> None:
         _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
         check_lens(self.kind, self.fov, self.radius)
-        if not 0.0 <= self.nd <= MAX_STOPS:
-            sentence = f"The filter has {self.nd:g} stops; it must have 0 to {MAX_STOPS:g}."
+        if not 0.0 <= self.nd <= _MAX_STOPS:
+            sentence = f"The filter has {self.nd:g} stops; it must have 0 to {_MAX_STOPS:g}."
             raise ProbeError(sentence, "nd", ErrorCode.OUT_OF_RANGE)
         if self.pitch is not None and not -90.0 <= self.pitch <= 90.0:
             sentence = f"The camera looks {self.pitch:g} deg up; that must lie in -90 to 90."
@@ -155,9 +155,9 @@ def _replace_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -
 
 # From bracket to probe.
 
-SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
-MAX_SUN_ERROR = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
-MAX_TILT = 7.0  # deg, of a series' camera from which on a warning says so: a clock an hour off looks like 10 at 47 deg
+_SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
+_MAX_SUN_ERROR = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
+_MAX_TILT = 7.0  # deg, of a series' camera from which on a warning says so: a clock an hour off looks like 10 at 47 deg
 _MAX_CLIPPED_SKY = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
 
 
@@ -271,7 +271,7 @@ def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracke
     circle = {"fov": settings.fov, "centre": settings.centre, "radius": settings.radius}
     lens = make_lens(settings.kind, width, height, **circle, pitch=settings.pitch, mirrored=settings.mirrored)
     merged = dequantize(merged, bracket, relative, SMOOTHING_REACH * pixels_per_degree(lens))
-    spot = find_sun_blob(*resample_to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), SEARCH_HEIGHT))
+    spot = find_sun_blob(*resample_to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), _SEARCH_HEIGHT))
     return _MergedBracket(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
 
 
@@ -304,9 +304,9 @@ def _probe_warnings(probe: Probe) -> Iterator[str]:
         yield f"The brightest value is {brightest:.3g}: programs that read half floats lose what exceeds 65504."
     if (share := _clipped_sky_share(probe)) > _MAX_CLIPPED_SKY:
         yield f"Beside the sun {100 * share:.1f} % of the sky is clipped in every exposure."
-    if probe.sun_error is not None and probe.sun_error > MAX_SUN_ERROR:
+    if probe.sun_error is not None and probe.sun_error > _MAX_SUN_ERROR:
         yield f"The sun is {probe.sun_error:.1f} deg off the ephemeris: check the lens and the camera's tilt."
-    if probe.alignment is not None and probe.alignment.tilt > MAX_TILT:
+    if probe.alignment is not None and probe.alignment.tilt > _MAX_TILT:
         tilt = probe.alignment.tilt
         yield f"The camera stood {tilt:.0f} deg from how it is told: check times and UTC offset."
 

@@ -18,8 +18,6 @@ from lighting.geometry import Floats, camera_axes, direction, latlong_pixel
 from lighting.probe.sun_detection import Mask
 
 LensKind = Literal["equidistant", "equisolid", "ball", "latlong"]
-
-LENS_KINDS: tuple[LensKind, ...] = ("equidistant", "equisolid", "ball", "latlong")
 # what can be told of other lenses, but does nothing with these
 UNUSED_LENS_OPTIONS: dict[LensKind, tuple[str, ...]] = {"ball": ("fov",), "latlong": ("fov", "centre", "radius")}
 _PITCH = {"equidistant": 90.0, "equisolid": 90.0, "ball": 0.0, "latlong": 0.0}

@@ -90,8 +90,6 @@ class ExposureRatios:
     """(N,), with EXIF s x ISO / 100 / f-number^2, else the longest is 1."""
     ratios: tuple[ExposureRatio | None, ...]
     """Measured, (N - 1); None where the pixels cannot say."""
-    from_exif: bool
-    """Whether the files' own exposures counted."""
     warnings: tuple[str, ...]
     """Sentences for people."""
 
@@ -109,7 +107,7 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
     exposures = [photo.exposure for photo in bracket.photos]
     if all(value is not None for value in exposures):
         relative = np.array(exposures, dtype=np.float64)
-        return ExposureRatios(relative, ratios, True, _check_exif_ratios(relative, ratios, bracket.names))
+        return ExposureRatios(relative, ratios, _check_exif_ratios(relative, ratios, bracket.names))
     if None in ratios:
         first, second = bracket.names[ratios.index(None) :][:2]
         raise ProbeError(
@@ -117,7 +115,7 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
             f"exposure times in EXIF."
         )
     relative = np.array(np.cumprod([1.0, *(ratio.value for ratio in ratios if ratio is not None)]), dtype=np.float64)
-    return ExposureRatios(relative / relative[-1], ratios, False, ())
+    return ExposureRatios(relative / relative[-1], ratios, ())
 
 
 def _measure_ratio(short: LinearPhoto, long: LinearPhoto) -> ExposureRatio | None:
@@ -205,7 +203,7 @@ def _check_exif_ratios(
 
 _ROWS_AT_ONCE = 128  # merged at once, so that little memory is needed beside the exposures
 SMOOTHING_REACH = 3.6  # deg, of the smoothing: less than the features of a clear sky, more than a pixel of its map
-SMOOTHING_PASSES = 12  # of smoothing and putting back
+_SMOOTHING_PASSES = 12  # of smoothing and putting back
 _MAX_LINKED_STEPS = 1.5  # steps, up to which neighbours belong to one surface
 
 Pixels = NDArray[np.float32]
@@ -317,7 +315,7 @@ def _smooth_within_rounding(start: Pixels, recorded: Pixels, half: Pixels, reach
     row_shares, column_shares = keep * _surface_links(recorded, half), keep * _surface_links(recorded.T, half.T)
     lower, upper = recorded - half, recorded + half
     values = start
-    for _ in range(SMOOTHING_PASSES):
+    for _ in range(_SMOOTHING_PASSES):
         smoothed = _smooth_edge_aware(values, row_shares, column_shares)
         twice_smoothed = _smooth_edge_aware(smoothed, row_shares, column_shares)
         values = np.where(half > 0, np.clip(2 * smoothed - twice_smoothed, lower, upper), start)

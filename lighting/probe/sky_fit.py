@@ -29,17 +29,17 @@ from lighting.records import GROUND_ALBEDO
 from lighting.sky.clear_sky import sky_radiance
 
 _SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
-MIN_SKY = 0.25  # sr, 4 % of the dome
-MIN_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
+_MIN_SKY = 0.25  # sr, 4 % of the dome
+_MIN_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
 _SAMPLES = 1500  # directions of equal solid angle that enter the fit
-CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance, since cameras saturate a blue sky
-ERROR_SCALE = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ by 0.1
-GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is unknown, but not arbitrary
+_CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance, since cameras saturate a blue sky
+_ERROR_SCALE = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ by 0.1
+_GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is unknown, but not arbitrary
 
-MAX_RESIDUAL = 0.2  # `SkyFit.residual` from which on a fit is not trusted
-MAX_GAIN_RANGE = 0.6  # range of the channels' log gains from which on it is not
-MIN_SHARE = 0.5  # of the sky's pixels that keep their weight in a trusted fit
-MIN_COVERAGE = 0.4  # sr, `SkyFit.coverage` of a trusted fit
+_MAX_RESIDUAL = 0.2  # `SkyFit.residual` from which on a fit is not trusted
+_MAX_GAIN_RANGE = 0.6  # range of the channels' log gains from which on it is not
+_MIN_SHARE = 0.5  # of the sky's pixels that keep their weight in a trusted fit
+_MIN_COVERAGE = 0.4  # sr, `SkyFit.coverage` of a trusted fit
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None
         The fit; None where too little clear sky is visible.
     """
     sky = _sample_sky(shrink_envmap(linear, ANALYSIS_HEIGHT), sun_direction)
-    if sky.solid_angle < MIN_SKY:
+    if sky.solid_angle < _MIN_SKY:
         return None
     turbidity, reach = 5.5, 4.5
     for step in (0.5, 0.1, 0.02):
@@ -106,7 +106,7 @@ def _sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
     smooth = _roughness(np.log(np.maximum(luminance(linear), 1e-4))) < 0.06
     mask = (elevation > 3.0) & is_far & blue & smooth
     if is_clipped(linear):
-        mask &= linear.max(axis=-1) < MIN_CLIPPED
+        mask &= linear.max(axis=-1) < _MIN_CLIPPED
     patches = label_regions(mask)
     size = np.bincount(patches.ravel(), pixel_solid_angles(height).ravel())
     top = import_ndimage().maximum(elevation, patches, np.arange(len(size)))
@@ -133,14 +133,14 @@ def _fit_gains(sky: _Sky, sun_direction: Floats, turbidity: float) -> tuple[floa
     """Cost, log gains (3,), errors (N,) and weights (N,) at one turbidity, by iteratively re-weighted least squares."""
     ratio = np.log(sky.pixels) - np.log(sky.model(sun_direction, turbidity))
     offset = np.median(ratio, axis=0)
-    for scale in (0.5, *[ERROR_SCALE] * 6):  # the first one wide, so that a median on clouds can still move
-        common = CHANNEL_WEIGHT @ offset
-        gains = common + (offset - common) / (1 + GAIN_PULL)
-        square = (ratio - gains) ** 2 @ CHANNEL_WEIGHT
+    for scale in (0.5, *[_ERROR_SCALE] * 6):  # the first one wide, so that a median on clouds can still move
+        common = _CHANNEL_WEIGHT @ offset
+        gains = common + (offset - common) / (1 + _GAIN_PULL)
+        square = (ratio - gains) ** 2 @ _CHANNEL_WEIGHT
         weight = 1 / (1 + square / scale**2)
         offset = weight @ ratio / weight.sum()
-    pull = GAIN_PULL * float(CHANNEL_WEIGHT @ (gains - common) ** 2) / ERROR_SCALE**2
-    return float(np.log1p(square / ERROR_SCALE**2).mean()) + pull, gains, np.sqrt(square), weight
+    pull = _GAIN_PULL * float(_CHANNEL_WEIGHT @ (gains - common) ** 2) / _ERROR_SCALE**2
+    return float(np.log1p(square / _ERROR_SCALE**2).mean()) + pull, gains, np.sqrt(square), weight
 
 
 def _assess_fit(sky: _Sky, sun_direction: Floats, turbidity: float) -> SkyFit:
@@ -149,14 +149,14 @@ def _assess_fit(sky: _Sky, sun_direction: Floats, turbidity: float) -> SkyFit:
     residual, share = float(np.median(error)), float(weight.mean())
     coverage = share * sky.solid_angle
     inside = 1.05 < turbidity < 9.95  # at an end of the range the best fit may lie beyond it
-    explained = residual < MAX_RESIDUAL and share > MIN_SHARE and coverage > MIN_COVERAGE
-    ok = bool(inside and explained and np.ptp(gains) < MAX_GAIN_RANGE)
+    explained = residual < _MAX_RESIDUAL and share > _MIN_SHARE and coverage > _MIN_COVERAGE
+    ok = bool(inside and explained and np.ptp(gains) < _MAX_GAIN_RANGE)
     return SkyFit(turbidity, float(exposure), residual, coverage, ok)
 
 
 _MIN_ELEVATION = 10.0  # deg, below which hills, trees and haze hide the sky
 _MIN_ROWS = 16  # of a map; in fewer the sun's glow leaves too little sky
-MAX_CLEAR_ERROR = 0.35  # of |log(measured / model)| of the luminance, up to which a direction counts as clear
+_MAX_CLEAR_ERROR = 0.35  # of |log(measured / model)| of the luminance, up to which a direction counts as clear
 
 
 @dataclass(frozen=True)
@@ -246,4 +246,4 @@ def _cloud_cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
     model = luminance(sky_radiance(directions[counted], sun, fit.turbidity, GROUND_ALBEDO)) * fit.exposure
     error = np.abs(np.log(np.maximum(luminance(small[counted]), 1e-12) / np.maximum(model, 1e-12)))
     area = pixel_solid_angles(len(small))[counted]
-    return float(area[error > MAX_CLEAR_ERROR].sum() / area.sum())
+    return float(area[error > _MAX_CLEAR_ERROR].sum() / area.sum())

@@ -25,11 +25,11 @@ ANALYSIS_HEIGHT = 128  # rows of the picture in which the sun is sought and to w
 
 
 _WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
-MIN_REGION = 2e-4  # sr, a cap of half a degree: no bright region is smaller
-MIN_PEAK = 0.94  # linear: the sun blows a picture out
-MAX_FLATNESS = 0.62  # blur of 24 deg / blur of 1.5 deg, at the peak: higher in a white sky than around a sun
-MIN_REGION_SHARE = 0.4  # share of all bright regions that the sun's region must hold
-MIN_PEAK_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
+_MIN_REGION = 2e-4  # sr, a cap of half a degree: no bright region is smaller
+_MIN_PEAK = 0.94  # linear: the sun blows a picture out
+_MAX_FLATNESS = 0.62  # blur of 24 deg / blur of 1.5 deg, at the peak: higher in a white sky than around a sun
+_MIN_REGION_SHARE = 0.4  # share of all bright regions that the sun's region must hold
+_MIN_PEAK_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def find_sun(linear: NDArray[np.float32]) -> DetectedSun | None:
     if is_clipped(small):
         return _find_clipped(small, above)
     value = luminance(small) * above
-    region = _peak_region(value, MIN_PEAK_CONTRAST * float(np.median(value[above])))
+    region = _peak_region(value, _MIN_PEAK_CONTRAST * float(np.median(value[above])))
     return None if region is None else _locate_region(region, value)
 
 
@@ -86,12 +86,12 @@ def _find_clipped(small: NDArray[np.float32], above: Mask) -> DetectedSun | None
     regions = label_regions(above & (white >= _WHITE * np.percentile(white[above], 99.8)))
     area = pixel_solid_angles(len(small)).ravel()
     size = np.bincount(regions.ravel(), area)
-    value = np.bincount(regions.ravel(), area * excess.ravel())[1:] * (size[1:] > MIN_REGION)
-    if not value.size or value.max() <= MIN_REGION_SHARE * value.sum():
+    value = np.bincount(regions.ravel(), area * excess.ravel())[1:] * (size[1:] > _MIN_REGION)
+    if not value.size or value.max() <= _MIN_REGION_SHARE * value.sum():
         return None
     best = regions == int(np.argmax(value)) + 1
-    flat = _blur(white, 24.0)[best].max() > MAX_FLATNESS * _blur(white, 1.5)[best].max()
-    return None if flat or white[best].max() < MIN_PEAK else _locate_region(best, excess)
+    flat = _blur(white, 24.0)[best].max() > _MAX_FLATNESS * _blur(white, 1.5)[best].max()
+    return None if flat or white[best].max() < _MIN_PEAK else _locate_region(best, excess)
 
 
 def _locate_region(region: Mask, value: Floats) -> DetectedSun:
@@ -114,8 +114,8 @@ def _blur(image: Floats, std: float) -> Floats:
     return np.asarray(np.fft.irfft(np.fft.rfft(down, axis=1) * decay, n=width, axis=1))
 
 
-MIN_SUN_CONTRAST = 200.0  # the sun's pixel / the median above the horizon; sunlit clouds stay under 50
-MAX_CLIPPED_RADIUS = 12.0  # deg, radius of a clipped region that can still be called the sun
+_MIN_SUN_CONTRAST = 200.0  # the sun's pixel / the median above the horizon; sunlit clouds stay under 50
+_MAX_CLIPPED_RADIUS = 12.0  # deg, radius of a clipped region that can still be called the sun
 MARGIN = 1.5  # pixels of the map around the bright region whose light counts as the sun's
 
 
@@ -176,9 +176,9 @@ def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
         regions = label_regions(clipped)
         power = np.bincount(regions.ravel(), (area * value).ravel())
         best = regions == int(np.argmax(power[1:])) + 1
-        cap = 2 * np.pi * (1 - np.cos(np.radians(MAX_CLIPPED_RADIUS)))
+        cap = 2 * np.pi * (1 - np.cos(np.radians(_MAX_CLIPPED_RADIUS)))
         return best if area[best].sum() < cap else None
-    return _peak_region(value, MIN_SUN_CONTRAST * float(np.median(value[value > 0])))
+    return _peak_region(value, _MIN_SUN_CONTRAST * float(np.median(value[value > 0])))
 
 
 def is_clipped(linear: NDArray[np.float32]) -> bool:

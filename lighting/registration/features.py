@@ -19,9 +19,9 @@ from lighting.geometry import Floats
 
 MATCH_SIDE = 1024  # pixels of the longer side in which features are sought
 _MAX_FEATURES = 3000  # kept of a photo, the strongest
-EQUALIZATION_LIMIT = 3.0  # limit of the local equalisation before features are sought
-MIN_CONTRAST = 0.005  # contrast of a feature, in SIFT's unit
-MAX_DISTANCE_RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
+_EQUALIZATION_LIMIT = 3.0  # limit of the local equalisation before features are sought
+_MIN_CONTRAST = 0.005  # contrast of a feature, in SIFT's unit
+_MAX_DISTANCE_RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +88,8 @@ def detect_features(
     cv2 = import_opencv()
     gray = resize_to(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
     height, width = gray.shape
-    even = cv2.createCLAHE(EQUALIZATION_LIMIT, (8, 8)).apply(gray)  # shade has features too
-    keypoints, descriptors = cv2.SIFT_create(max_features, contrastThreshold=MIN_CONTRAST).detectAndCompute(even, None)
+    even = cv2.createCLAHE(_EQUALIZATION_LIMIT, (8, 8)).apply(gray)  # shade has features too
+    keypoints, descriptors = cv2.SIFT_create(max_features, contrastThreshold=_MIN_CONTRAST).detectAndCompute(even, None)
     if descriptors is None:
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32), width, height)
     corner = np.array([k.pt for k in keypoints], dtype=np.float64)
@@ -143,7 +143,7 @@ def match_features(a: Features, b: Features) -> Matches:
     distance = np.sqrt(np.maximum(2.0 - 2.0 * np.partition(likeness, -2, axis=1)[:, -2:], 0.0))
     quality = distance[:, 1] / np.maximum(distance[:, 0], 1e-9)
     index = np.arange(len(a.points))
-    kept = index[(backward[forward] == index) & (quality < MAX_DISTANCE_RATIO)]
+    kept = index[(backward[forward] == index) & (quality < _MAX_DISTANCE_RATIO)]
     kept = kept[np.argsort(quality[kept], kind="stable")]
     first, second = a.points[kept], b.points[forward[kept]]
     _, distinct = np.unique(np.round(np.hstack([first, second]) / pixel), axis=0, return_index=True)

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from subprocess import Popen
 
 
-PREDICTED_FOV_STD = 7.0  # deg, of what the network says of a field of view
+_PREDICTED_FOV_STD = 7.0  # deg, of what the network says of a field of view
 _METADATA_FOV_STD = 1.5  # deg, of what a photo's metadata say
 UP_STD = 2.5  # deg, of the vertical by the network, about each horizontal axis
 _MAX_EXHAUSTIVE = 8  # photos up to which every pair is matched in full
@@ -89,7 +89,7 @@ class ViewFeatures:
     def lens_prior(self) -> Lens:
         """Its lens by metadata or network alone."""
         fov = self.metadata_fov or self.predicted_fov
-        std = PREDICTED_FOV_STD if self.metadata_fov is None else _METADATA_FOV_STD
+        std = _PREDICTED_FOV_STD if self.metadata_fov is None else _METADATA_FOV_STD
         return focal_from_fov(fov, *self.size), float(np.radians(std) / np.sin(np.radians(fov)))
 
 

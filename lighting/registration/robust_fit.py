@@ -17,7 +17,7 @@ from lighting.registration.rotations import rays_through
 
 INLIER_TOLERANCE = 3.0  # pixels within which a match obeys
 _SAMPLES = 300  # pairs of matches tried for each focal length
-SCORED = 250  # matches, the surest, that each trial is scored on
+_SCORED = 250  # matches, the surest, that each trial is scored on
 _STEP = 1e-6  # of each parameter, for the derivatives
 _MAX_STEPS = 25
 
@@ -110,7 +110,7 @@ def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequenc
     rng = np.random.default_rng(0)  # the same answer every time
     best, result = -np.inf, _RansacResult(np.eye(3), 1.0)
     for zoom in zooms:
-        a, b = rays_through(matches.a[:SCORED], zoom * focal[0]), rays_through(matches.b[:SCORED], zoom * focal[1])
+        a, b = rays_through(matches.a[:_SCORED], zoom * focal[0]), rays_through(matches.b[:_SCORED], zoom * focal[1])
         pairs = _pairs(len(a), rng)  # two rays each, which a trial takes as nearly as can be from `a` to `b`
         trials = _frame(b[pairs]) @ np.swapaxes(_frame(a[pairs]), -1, -2)
         scores = _scores(trials, a, b, INLIER_TOLERANCE * matches.pixel / (zoom * max(focal)))

@@ -1,7 +1,8 @@
 """A scene for Blender: a script that builds it and, if it is asked for, the .blend file.
 
-Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native Sky Texture is
-Blender's Multiple Scattering, from 5.0, or that of Hosek and Wilkie on the record's scale; the map may be of another.
+Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence _YAW. The native Sky Texture
+is Blender's Multiple Scattering, from 5.0, or that of Hosek and Wilkie on the record's scale; the map may be of
+another.
 """
 
 import json
@@ -34,7 +35,7 @@ _BLENDERS = (  # where Blender lies that is in no search path
 )
 _RUN = ("--background", "--factory-startup", "--python-exit-code", "1", "--python")  # a script
 _SAMPLES = 128  # of Cycles, per pixel
-YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
+_YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
 def write_blender(scene: records.Scene, folder: Folder, *, blend: bool = False) -> None:
@@ -127,7 +128,7 @@ def _description(scene: records.Scene) -> Json:
             "clip": [records.NEAR, records.FAR],
         },
         "sun": {"direction": sun, "angle": records.SUN_ANGLE, "colour": color.tolist(), "irradiance": strength},
-        "sky": {"yaw": YAW, "painted": scene.lighting.map_sky, "native": _native_sky(scene)},
+        "sky": {"yaw": _YAW, "painted": scene.lighting.map_sky, "native": _native_sky(scene)},
         "ground": {"radius": records.GROUND_RADIUS, "albedo": scene.ground.tolist()},
         "placeholder": _placeholder(scene),
     }

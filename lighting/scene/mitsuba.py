@@ -13,7 +13,7 @@ from lighting.scene.writer import Folder, fill_template, read_data_text, write_s
 
 _SCENE, _CAMERA, _LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
 
-SUN_DISTANCE = 10_000.0  # m; ten metres from the spot the sun's direction differs by 0.06 deg
+_SUN_DISTANCE = 10_000.0  # m; ten metres from the spot the sun's direction differs by 0.06 deg
 
 _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 
@@ -50,8 +50,8 @@ def _light_values(scene: Scene) -> dict[str, object]:
         "sun_angle": SUN_ANGLE,
         "sun_irradiance": _numbers(scene.sun_irradiance),
         "sun_radiance": _numbers(scene.sun_irradiance / (np.pi * np.sin(_HALF_ANGLE) ** 2)),
-        "sun_radius": f"{SUN_DISTANCE * np.tan(_HALF_ANGLE):.9g}",
-        "sun": _numbers(scene.spot + SUN_DISTANCE * scene.sun_direction),
+        "sun_radius": f"{_SUN_DISTANCE * np.tan(_HALF_ANGLE):.9g}",
+        "sun": _numbers(scene.spot + _SUN_DISTANCE * scene.sun_direction),
         "spot": _numbers(scene.spot),
         "aside": _numbers(direction(scene.lighting.sun_azimuth + 90.0, 0.0)),  # never parallel to the sun's direction
         "ground_radius": f"{GROUND_RADIUS:.9g}",

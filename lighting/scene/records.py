@@ -36,7 +36,7 @@ GROUND_RADIUS = 500.0  # m; beyond it the map shows the same ground
 NEAR, FAR = 0.05, 2000.0  # m, the camera's clipping distances
 
 _MAP_HEIGHT = 512  # rows of the environment map
-BALL = 0.08  # radius of the placeholder's ball on the spot, in picture heights
+_BALL = 0.08  # radius of the placeholder's ball on the spot, in picture heights
 PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previews' gray ball
 PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
 
@@ -195,7 +195,7 @@ class Scene:
     def placeholder(self) -> _Placeholder:
         """What stands on the spot; it takes up the same part of each picture where that is no giant."""
         distance = float(np.linalg.norm(self.spot - self.camera_position))
-        radius = 2 * BALL * distance * float(np.tan(np.radians(self.vertical_fov) / 2))
+        radius = 2 * _BALL * distance * float(np.tan(np.radians(self.vertical_fov) / 2))
         return _Placeholder(min(radius, max_object_meters(self.lighting.camera_height)))
 
     @cached_property

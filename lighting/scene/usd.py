@@ -32,7 +32,7 @@ STAGE, SHOT_STAGE, DAY_STAGE, PACKAGE = "scene.usda", "shot.usda", "day.usda", "
 
 ToStage = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
-APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the meter
+_APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the meter
 _UP = np.array([0.0, 1.0, 0.0])
 _RENDER_SETTINGS = '    renderSettingsPrimPath = "/Render/Settings"\n'
 _ZIP_HEADER = 30 + 4  # bytes of a file's header in a ZIP archive, and of its extra field's header
@@ -88,7 +88,7 @@ def animate_usd(motion: records.CameraMotion) -> dict[str, str]:
         motion: of the camera.
     """
     samples = _samples(motion.frames, map(_rows, motion.matrices))
-    lens = _samples(motion.frames, (f"{length:.6g}" for length in motion.focal_lengths / APERTURE_UNIT))
+    lens = _samples(motion.frames, (f"{length:.6g}" for length in motion.focal_lengths / _APERTURE_UNIT))
     camera = f"""
     over "Camera"
     {{
@@ -201,9 +201,9 @@ def _camera_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
     return {
         "resolution": f"({scene.width}, {scene.height})",
         "camera_matrix": _matrix(to_stage(scene.camera_matrix[:3].T)),
-        "focal_length": _number(scene.focal_length / APERTURE_UNIT),
-        "horizontal_aperture": _number(scene.sensor_width / APERTURE_UNIT),
-        "vertical_aperture": _number(scene.sensor_width * scene.height / scene.width / APERTURE_UNIT),
+        "focal_length": _number(scene.focal_length / _APERTURE_UNIT),
+        "horizontal_aperture": _number(scene.sensor_width / _APERTURE_UNIT),
+        "vertical_aperture": _number(scene.sensor_width * scene.height / scene.width / _APERTURE_UNIT),
         "clipping": _vector([records.NEAR, records.FAR]),
         "plate_points": _vectors(picture),
         "plate_extent": _extent(picture),

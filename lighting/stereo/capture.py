@@ -113,15 +113,15 @@ def _read_number(tag: Any) -> float | None:
     return value if np.isfinite(value) and value > 0 else None
 
 
-TIMES_FILE = "times.csv"
-MIN_SPAN = 20.0  # min, the shortest day
+_TIMES_FILE = "times.csv"
+_MIN_SPAN = 20.0  # min, the shortest day
 
 
 def _photo_times(
     folder: Path, photos: list[_DayPhoto], user_input: UserInput
 ) -> tuple[NDArray[np.datetime64], set[str]]:
     """UTC times (T,) of the photos, and warnings of their clocks. PhotoError if one is missing."""
-    listed = _listed_times(folder / TIMES_FILE)
+    listed = _listed_times(folder / _TIMES_FILE)
     located = share_location([photo.metadata for photo in photos])
     clocks = [_with_listed_time(m, listed.get(photo.name)) for m, photo in zip(located, photos, strict=True)]
     if user_input.latitude is not None:
@@ -147,7 +147,7 @@ def _with_listed_time(metadata: PhotoMetadata, listed: datetime | None) -> Photo
 def _no_time(name: str, metadata: PhotoMetadata) -> str:
     """Why a photo has no time."""
     if metadata.local_time is None:
-        return f"{name} does not say when it was taken; list the times in {TIMES_FILE}."
+        return f"{name} does not say when it was taken; list the times in {_TIMES_FILE}."
     return f"The clock of {name} does not say its offset from UTC; give --utc-offset."
 
 
@@ -169,7 +169,7 @@ def _check_times(times: NDArray[np.datetime64]) -> None:
     gaps = np.diff(times) / np.timedelta64(1, "m")
     if (gaps <= 0).any():
         raise PhotoError("The photos' times do not differ; photos of several moments of a day are needed.")
-    if gaps.sum() < MIN_SPAN:
+    if gaps.sum() < _MIN_SPAN:
         raise PhotoError(f"The photos span {gaps.sum():.0f} minutes; the sun hardly moved. Take them over hours.")
     if gaps.sum() > 24 * 60:
         raise PhotoError("The photos are of more than one day.")
@@ -245,8 +245,8 @@ def _light_varies(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> bool:
 
 # A whole day.
 
-MASK_FILE = "mask.png"
-MIN_PHOTOS = 3  # photos, for a normal and an albedo
+_MASK_FILE = "mask.png"
+_MIN_PHOTOS = 3  # photos, for a normal and an albedo
 MAX_SIZE = 1024  # pixels of the longer side, to which photos are reduced
 _MIN_SIDE = 2  # pixels, that a slope is between
 
@@ -295,13 +295,13 @@ def read_day_photos(
         progress: passes the files on as they are read.
 
     Raises:
-        PhotoError: there are fewer than MIN_PHOTOS photos, times are missing or do not differ, sizes, lenses or
+        PhotoError: there are fewer than _MIN_PHOTOS photos, times are missing or do not differ, sizes, lenses or
             exposures do, the camera moved, or photos are clipped or too small.
     """
     photos = [_reduce_photo(_read_day_photo(path, curve), size) for path in progress(_list_photos(folder))]
-    if len(photos) < MIN_PHOTOS:
+    if len(photos) < _MIN_PHOTOS:
         count = "1 photo" if len(photos) == 1 else f"{len(photos)} photos"
-        raise PhotoError(f"{folder} holds {count}; normals need at least {MIN_PHOTOS} of one day.")
+        raise PhotoError(f"{folder} holds {count}; normals need at least {_MIN_PHOTOS} of one day.")
     times, doubts = _photo_times(folder, photos, user_input)
     order = np.argsort(times, kind="stable")
     photos, times = [photos[index] for index in order], times[order]
@@ -335,7 +335,7 @@ def _list_photos(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise PhotoError(f"There is no folder {folder}.")
     files = (path for path in folder.iterdir() if path.suffix.lower() in FORMATS and path.is_file())
-    return sorted(path for path in files if path.name != MASK_FILE and path.name[0] != ".")
+    return sorted(path for path in files if path.name != _MASK_FILE and path.name[0] != ".")
 
 
 def _reduce_photo(photo: _DayPhoto, size: int | None) -> _DayPhoto:
@@ -357,7 +357,7 @@ def _reduce_photo(photo: _DayPhoto, size: int | None) -> _DayPhoto:
 
 
 def _make_mask(folder: Path, user_mask: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    file = user_mask or folder / MASK_FILE
+    file = user_mask or folder / _MASK_FILE
     if user_mask is None and not file.exists():
         return np.ones(shape, dtype=bool)
     try:
@@ -399,8 +399,8 @@ def _move_warnings(moved: Sequence[str]) -> Iterator[str]:
 
 
 def _day_warnings(folder: Path, names: Sequence[str], images: Pixels, mask: NDArray[np.bool_]) -> Iterator[str]:
-    for name in _listed_times(folder / TIMES_FILE):
+    for name in _listed_times(folder / _TIMES_FILE):
         if name not in names:
-            yield f"{TIMES_FILE} lists {name}, which is not there."
+            yield f"{_TIMES_FILE} lists {name}, which is not there."
     if not _light_varies(images, mask):
         yield "All brightens and darkens alike: unless the thing is flat, its normals are worthless."

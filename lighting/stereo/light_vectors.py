@@ -34,13 +34,13 @@ _CHUNK_WEIGHTS = 1 << 22  # weights of pixels held at once
 
 SKY_HEIGHT = 64  # rows of a modelled map
 CLEAR_TURBIDITY = 3.0  # of a clear day in the country
-OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
-BROKEN_COVER = 0.5  # share of the sky under broken cloud
+_OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
+_BROKEN_COVER = 0.5  # share of the sky under broken cloud
 _DISC_POINTS = (8, 24)  # rings and spokes of points that the disc's irradiance is summed over, good to 1e-3
-CLOUD_SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
+_CLOUD_SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
 CLOUD_DRAWS = 32  # of the clouds of a mixed day
 DAY_MINUTES = 24 * 60  # min
-SPELLS = int(DAY_MINUTES / CLOUD_SPELL)
+SPELLS = int(DAY_MINUTES / _CLOUD_SPELL)
 ONE_SKY = np.zeros((1, SPELLS), dtype=np.intp)  # the clouds of a day that has one variant
 FINE_STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
 
@@ -218,14 +218,14 @@ def _overcast_skies(clear: Skies) -> Skies:
     """Model CIE standard overcast skies at the moments of clear ones, in their channels.
 
     Args:
-        clear: skies whose irradiance of level ground is reduced to OVERCAST_SHARE.
+        clear: skies whose irradiance of level ground is reduced to _OVERCAST_SHARE.
 
     References:
         [1] Kasten and Czeplak, Solar Energy 24, 1980.
     """
     height = clear.radiance.shape[1]
     by_sun = clear.sun_irradiance * np.maximum(clear.sun_direction[:, 1:2], 0)
-    level = OVERCAST_SHARE * (_horizontal_irradiance(clear.radiance[:, : height // 2]) + by_sun)
+    level = _OVERCAST_SHARE * (_horizontal_irradiance(clear.radiance[:, : height // 2]) + by_sun)
     relative = overcast_luminance(latlong_directions(height)[: height // 2])[..., None]
     sky = relative * (level / _horizontal_irradiance(relative))[:, None, None]
     return Skies(_add_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
@@ -234,21 +234,21 @@ def _overcast_skies(clear: Skies) -> Skies:
 def _broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
     """Model broken cloud at the moments of clear skies; a simple model, not a measured one.
 
-    The sky is the mean of the clear and the overcast one, weighted by BROKEN_COVER; the ground is lit by sky and disc.
+    The sky is the mean of the clear and the overcast one, weighted by _BROKEN_COVER; the ground is lit by sky and disc.
 
     Args:
         clear: skies of T moments.
         shines: (T,), whether the disc is whole (see `draw_sunshine`) or hidden.
     """
     half = clear.radiance.shape[1] // 2
-    sky = (1 - BROKEN_COVER) * clear.radiance[:, :half] + BROKEN_COVER * _overcast_skies(clear).radiance[:, :half]
+    sky = (1 - _BROKEN_COVER) * clear.radiance[:, :half] + _BROKEN_COVER * _overcast_skies(clear).radiance[:, :half]
     disc = clear.sun_irradiance * np.asarray(shines, dtype=bool)[:, None]
     level = _horizontal_irradiance(sky) + disc * np.maximum(clear.sun_direction[:, 1:2], 0)
     return Skies(_add_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, disc)
 
 
-def draw_sunshine(draws: int, spells: int, seed: int, cover: float = BROKEN_COVER) -> NDArray[np.bool_]:
-    """Draw whether the sun shines in spells of broken cloud, each CLOUD_SPELL minutes long and independent.
+def draw_sunshine(draws: int, spells: int, seed: int, cover: float = _BROKEN_COVER) -> NDArray[np.bool_]:
+    """Draw whether the sun shines in spells of broken cloud, each _CLOUD_SPELL minutes long and independent.
 
     Args:
         draws: D.
@@ -334,7 +334,7 @@ class SkyDay:
         is_next = self.minutes[next_index] - times < times - self.minutes[next_index - 1]
         index = np.where(is_next, next_index, next_index - 1)
         in_light = np.abs(self.minutes[index] - times) <= self.tolerance
-        spell = ((times - start[:, None]) / CLOUD_SPELL).astype(np.intp) % self.clouds.shape[1]
+        spell = ((times - start[:, None]) / _CLOUD_SPELL).astype(np.intp) % self.clouds.shape[1]
         return index + len(self.minutes) * self.clouds[:, spell], np.asarray(in_light.all(axis=1))
 
 

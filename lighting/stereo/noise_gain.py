@@ -63,15 +63,6 @@ def noise_gain(matrix: ArrayLike) -> Floats:
     return gain_from_inverse(invert_symmetric(gram_matrix(matrix)))
 
 
-def largest_gain(matrix: ArrayLike) -> Floats:
-    """Return the largest noise gain of the three axes, lambda_max (...).
-
-    Args:
-        matrix: (..., T, 3) illumination matrices.
-    """
-    return np.asarray(noise_gain(matrix).max(axis=-1))
-
-
 def rotation_free_gain(matrix: ArrayLike) -> Floats:
     """Return the gain along the worst direction, whatever the axes: 1 / sigma_min (...).
 

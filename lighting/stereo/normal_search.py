@@ -81,13 +81,13 @@ def sample_visible_normals(count: int) -> NDArray[np.float32]:
 
 Image = NDArray[np.float32]
 
-GRID_SIZE = 3000  # normals, 2.6 deg apart
-MIN_OTHER_ANGLE = 25.0  # deg, from the best normal to the nearest that counts as another answer
+_GRID_SIZE = 3000  # normals, 2.6 deg apart
+_MIN_OTHER_ANGLE = 25.0  # deg, from the best normal to the nearest that counts as another answer
 _BLOCK_RESIDUALS = 1 << 19  # residuals held at once: few enough to stay in a processor's cache
 _MAX_UNTHREADED = 1 << 18  # multiplications of a matrix product up to which OpenBLAS (numpy's) starts no threads
 _EPSILON = np.float32(1e-12)
 
-MAX_RESIDUAL_RATIO = 2.0  # times the noise, the residual from which on shadows are thought of
+_MAX_RESIDUAL_RATIO = 2.0  # times the noise, the residual from which on shadows are thought of
 _SHADOW_GRID_SIZE = 700  # normals, 5.4 deg apart
 _SHADOW_PENALTY, _MOMENT_PENALTY = 3.0, 0.3  # logarithms: of a shadow, and of each photo that it lasts
 _MIN_SUNNY = 3  # photos in the sun, for a normal
@@ -129,7 +129,7 @@ class SearchResult:
     mean: Image
     """(P, 3), mean of the distribution over normals; its length is less than 1."""
     other: Image
-    """(P, 3), the best normal MIN_OTHER_ANGLE or more from the first."""
+    """(P, 3), the best normal _MIN_OTHER_ANGLE or more from the first."""
     log_odds: Image
     """(P,), natural logarithm of how much less likely the other one is, at most 0."""
 
@@ -137,7 +137,7 @@ class SearchResult:
 SearchProgress = Callable[[Iterable[SearchResult], int], Iterable[SearchResult]]  # sees answers pass, of so many in all
 
 
-def make_candidates(skies: Skies, pose: Pose, count: int = GRID_SIZE) -> Candidates:
+def make_candidates(skies: Skies, pose: Pose, count: int = _GRID_SIZE) -> Candidates:
     """Make the normals that a camera can see, and how a day lights them.
 
     Args:
@@ -232,8 +232,8 @@ def _multiply_in_rows(left: Image, right: Image) -> Image:
 
 
 def _other_normal(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Image]:
-    """The likeliest normal (P, 3) MIN_OTHER_ANGLE from the best one, and its log-likelihood (P,) relative to that."""
-    is_near = chords < np.float32(2 * np.sin(np.radians(MIN_OTHER_ANGLE) / 2))
+    """The likeliest normal (P, 3) _MIN_OTHER_ANGLE from the best one, and its log-likelihood (P,) relative to that."""
+    is_near = chords < np.float32(2 * np.sin(np.radians(_MIN_OTHER_ANGLE) / 2))
     far_likelihood = np.where(is_near, np.float32(-np.inf), likelihood)
     index = far_likelihood.argmax(axis=1)
     return normals[index], np.maximum(far_likelihood[np.arange(len(index)), index], np.float32(-1e4))
@@ -315,7 +315,7 @@ def search_with_shadows(
     noise: float,
     progress: SearchProgress = ignore_progress,
 ) -> SearchResult:
-    """Search normals, and again with shadows where MAX_RESIDUAL_RATIO times the noise is left.
+    """Search normals, and again with shadows where _MAX_RESIDUAL_RATIO times the noise is left.
 
     Args:
         images: (P, T, C) brightnesses.
@@ -325,7 +325,7 @@ def search_with_shadows(
         progress: passes the results of blocks on as they come.
     """
     first = search_normals(images, table, noise, progress, available_cpus())
-    poor = np.flatnonzero(first.residual > MAX_RESIDUAL_RATIO * noise)
+    poor = np.flatnonzero(first.residual > _MAX_RESIDUAL_RATIO * noise)
     if shaded is None or not len(poor):
         return first
     second = search_normals(images[poor], shaded, noise, progress, available_cpus())

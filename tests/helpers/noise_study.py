@@ -144,3 +144,8 @@ def _rms(values: Floats) -> Floats:
 
 def _scaled(skies: Skies, factor: float) -> Skies:
     return Skies(skies.radiance * np.float32(factor), skies.sun_direction, skies.sun_irradiance * factor)
+
+
+def largest_gain(matrix: Floats) -> Floats:
+    """The largest noise gain (...) of the three axes, by illumination matrices (..., T, 3)."""
+    return np.asarray(noise_gain(matrix).max(axis=-1))

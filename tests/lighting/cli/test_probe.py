@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -18,8 +19,7 @@ from lighting.files.exr import read_exr, read_exr_attributes, write_exr
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import probe_path, probes_in
 from lighting.probe.develop import Moment
-from lighting.probe.fisheye import LENS_KINDS as LENSES
-from lighting.probe.fisheye import make_lens
+from lighting.probe.fisheye import LensKind, make_lens
 from lighting.records import Lighting
 from tests.helpers.brackets import SKY_DAY, SKY_PLACE, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
 from tests.helpers.photos import taken, write_png16
@@ -153,7 +153,7 @@ def test_a_sun_that_cannot_be_is_wrong_usage(tmp_path: Path, sun: str) -> None:
 
 
 def test_the_lenses_offered_are_those_known() -> None:
-    assert PROBE_KINDS == LENSES
+    assert get_args(LensKind) == PROBE_KINDS
 
 
 def panorama(path: Path, value: float = 0.5, height: int = 32) -> Path:

@@ -11,12 +11,11 @@ from lighting.stereo.noise_gain import (
     gram_matrix,
     interval_95,
     invert_symmetric,
-    largest_gain,
     noise_gain,
     rotation_free_gain,
     window_gram_inverses,
 )
-from tests.helpers.noise_study import triplet
+from tests.helpers.noise_study import largest_gain, triplet
 
 RNG = np.random.default_rng(0)
 

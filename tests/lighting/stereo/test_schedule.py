@@ -21,7 +21,6 @@ from lighting.stereo.light_vectors import (
     modelled_day,
     sun_directions,
 )
-from lighting.stereo.noise_gain import largest_gain
 from lighting.stereo.planner import MeasuredSkies, ModelledSkies, draw_plan, plan_photos, plan_record
 from lighting.stereo.schedule import (
     MIN_WINDOW,
@@ -34,7 +33,7 @@ from lighting.stereo.schedule import (
     make_plan,
     normals_of_interest,
 )
-from tests.helpers.noise_study import CASES, CLOUDY, choice, spread_of_noise, study
+from tests.helpers.noise_study import CASES, CLOUDY, choice, largest_gain, spread_of_noise, study
 
 BREGENZ = ClockLocation(47.5, 9.75, 1.0)
 JUNE = date(2026, 6, 21)
