@@ -23,7 +23,6 @@ from export.evaluation.predictions import (
     protocol_views,
     sun_centered_views,
 )
-from export.evaluation.relighting import relight
 from export.evaluation.report import baseline_answers, format_report, in_view_report, photo_report, stated_figures
 from export.evaluation.trust import trust_report
 from lighting.color import tone_map
@@ -44,7 +43,7 @@ class Options:
     out: Path  # folder for report.md, the crops' errors and pictures
     with_metadata: bool = False  # also our answers with simulated metadata and with several views of a panorama
     failures: bool = False  # also write our worst crops as failures.csv and failures.png
-    relight: bool = False  # also relight objects, and judge the light by weather; writes relight.png
+    relight: bool = False  # also relight objects, and judge the light by weather
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,6 @@ def evaluate_networks(options: Options) -> _Evaluation:
     options.out.mkdir(parents=True, exist_ok=True)
     lit: list[str] = []
     if options.relight:  # first, for it asks most of the folder
-        lit.append(relight(options.data, options.labels, options.models, options.out))
         lit.append(light_report(options.data, options.labels, options.models))
     crops = {protocol: _score(models, training, sources, protocol) for protocol in _PROTOCOLS}
     for protocol, scored in crops.items():

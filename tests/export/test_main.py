@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from export.__main__ import export_cli
 from export.data.panoramas import INDEX, DataError
-from export.evaluation.relighting import relight
+from export.evaluation.irradiance import light_report
 from lighting.errors import LightingError
 
 
@@ -56,8 +56,8 @@ def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, ne
         result = CliRunner().invoke(export_cli, [*command, "--data", str(folder)])
         assert isinstance(result.exception, DataError | LightingError), (command, result.output)
         assert message in str(result.exception)
-    with pytest.raises(DataError, match="has no HDR panorama in `val` that shows its sun"):
-        relight(data, data / "labels.csv", [network], tmp_path)
+    with pytest.raises(DataError, match="has no HDR panorama in `val` that is sunny or overcast"):
+        light_report(data, data / "labels.csv", [network])
 
 
 @pytest.mark.parametrize(
