@@ -28,85 +28,20 @@ from server.dependencies import tag_bytes
 from server.responses import is_fresh
 
 _PICTURES = frozenset({".webp", ".jpg", ".jpeg", ".png", ".svg", ".gif"})
-_BOOK_FILES = Path(__file__).with_name("book_files")  # the style sheet and the script
+_BOOK_FILES = Path(__file__).with_name("book_files")  # the style sheet, the script, and the frame of a page
 _CLONE = Path(__file__).parents[1]
 _PACKAGED = Path(__file__).with_name("book_pages")  # in a wheel, which has no docs/
 _INDEX = "docs/README.md"
-_CHAPTERS = {  # pages of docs/ in the order of the contents; a chapter's other pages follow
-    "Start": ("README.md", "start.md"),
-    "Learn": ("learn/blender.md", "learn/web-page.md", "learn/python.md", "learn/train.md"),
-    "Do": (
-        "do/correct-the-sun.md",
-        "do/engines.md",
-        "do/other-programs.md",
-        "do/blender-extension.md",
-        "do/assistants.md",
-        "do/comfyui.md",
-        "do/send-a-page.md",
-        "do/sun-study.md",
-        "do/many-photos.md",
-        "do/several-photos.md",
-        "do/clips.md",
-        "do/measure-a-sky.md",
-        "do/photometric-stereo.md",
-        "do/run-the-service.md",
-        "do/your-own-panoramas.md",
-    ),
-    "Understand": ("understand/how-it-works.md", "understand/trust.md", "understand/axes-and-units.md", "words.md"),
-    "Look up": (
-        "reference/command-line.md",
-        "reference/python.md",
-        "reference/http.md",
-        "reference/fields.md",
-        "reference/settings.md",
-        "reference/problems.md",
-        "reference/exceptions.md",
-    ),
-    "More": ("more/model-card.md", "more/security.md", "more/changes.md"),
-}
+_LAB = "lab/"  # pages for whoever works on the project, which the book leaves out
 _ELSEWHERE = {  # pages that lie elsewhere in the repository, by their names in the book and in the wheel
     "start.md": "README.md",
     "more/model-card.md": "lighting/data/MODEL_CARD.md",
-    "more/security.md": "SECURITY.md",
     "more/changes.md": "CHANGELOG.md",
+    "more/security.md": "SECURITY.md",
 }
 _TITLES = {"more/model-card": "Model card"}  # by address; its heading is the network's name
-_TEMPLATE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{title}</title>
-<link rel="icon" href="{root}../favicon.ico" type="image/png">
-<link rel="stylesheet" href="{root}book.css">
-<script src="{root}book.js" defer></script>
-</head>
-<body data-root="{root}">
-<a class="skip" href="#text">Skip to the text</a>
-<header>
-<a class="home" href="{root}">Outdoor lighting</a>
-<search>
-<label class="unseen" for="search">Search the book</label>
-<input type="search" id="search" placeholder="Search ( / )" autocomplete="off" spellcheck="false" aria-controls="found">
-<div id="found" hidden><p id="count" role="status"></p><ul></ul></div>
-</search>
-<nav aria-label="Service"><a href="{root}../">Try a photo</a> <a href="{root}../docs">API</a></nav>
-</header>
-<div class="columns">
-<details class="contents"><summary>Contents</summary><nav aria-label="Contents">{contents}</nav></details>
-<main id="text" tabindex="-1">
-{text}
-<nav class="turn" aria-label="Next pages">{neighbors}</nav>
-</main>
-{sections}
-</div>
-</body>
-</html>
-"""
-
-
 _TABLE = '<div class="table" tabindex="0" role="group" aria-label="Table">'
+_INDEX_MARKS = re.compile(r"^## (.+)$|\]\(([^)#:]+\.md)\)", re.MULTILINE)  # its headings, and its links to pages
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"
@@ -156,6 +91,7 @@ class Book:
         """The folder that holds the pages and their pictures."""
         self.pages = tuple(_find_pages(self.docs, clone if is_clone else None))
         """In the order of the contents."""
+        self._frame = (_BOOK_FILES / "page.html").read_text(encoding="utf-8")
         self._by_source = {page.source: page for page in self.pages}
         self._by_address = {page.address: page for page in self.pages}
 
@@ -177,7 +113,7 @@ class Book:
         tokens = self._parse(page)
         found = self.pages.index(page)
         neighbors = [("Before", found - 1), ("Next", found + 1)]
-        html = _TEMPLATE.format(
+        html = self._frame.format(
             title=escape(page.title if page.address == "" else f"{page.title} · Outdoor lighting"),
             root="../" * page.address.count("/") or "./",
             contents=self._contents(page),
@@ -265,15 +201,18 @@ class Book:
 
 
 def _find_pages(docs: Path, clone: Path | None) -> Iterator[_BookPage]:
-    present = sorted(path.relative_to(docs).as_posix() for path in docs.glob("**/*.md"))
-    for chapter, names in _CHAPTERS.items():
-        folders = {posixpath.dirname(name) for name in names} - {""}
-        rest = [name for name in present if posixpath.dirname(name) in folders and name not in names]
-        for name in (*names, *rest):
-            source = _ELSEWHERE.get(name, f"docs/{name}")
-            path = _locate_page(name, docs, clone)
-            if path.is_file():
-                yield _BookPage(source, _to_address(name), chapter, path)
+    """The pages that the index links, in its order and below its headings."""
+    names = {source: name for name, source in _ELSEWHERE.items()}
+    chapter, found = "Start", {"README.md": "Start", "start.md": "Start"}
+    for heading, link in _INDEX_MARKS.findall((docs / "README.md").read_text(encoding="utf-8")):
+        chapter = heading or chapter
+        name = names.get(link.removeprefix("../"), link)
+        if link and not name.startswith(("../", _LAB)):
+            found.setdefault(name, chapter)
+    for name, chapter in found.items():
+        yield _BookPage(
+            _ELSEWHERE.get(name, f"docs/{name}"), _to_address(name), chapter, _locate_page(name, docs, clone)
+        )
 
 
 def _locate_page(name: str, docs: Path, clone: Path | None) -> Path:
