@@ -47,6 +47,7 @@ _ROWS = 72  # of the picture in which the spot is sought
 _MIN_GROUND = 0.5  # probability from which a cell counts as ground
 _MIN_SUPPORT = 0.55  # probability of ground under a ball
 _MAX_WATER = 0.15  # probability of water under it
+_IN_FRONT = tuple(kind for kind in THINGS if kind != SurfaceClass.SKY)
 _MAX_IN_FRONT = 0.6  # probability of things in front of a ball, which it would cover
 _MIN_ROW_SUPPORT = 0.2  # the same under each of three of them side by side
 _FOOT_HEIGHT = 0.7  # radii over and under a foot that must show ground
@@ -300,7 +301,7 @@ def _is_free(segments: Segments, radius: Floats) -> NDArray[np.bool_]:
     """
     rows, columns = radius.shape
     water = pixel_share(segments, columns, rows, SurfaceClass.WATER)
-    things = pixel_share(segments, columns, rows, *(kind for kind in THINGS if kind != SurfaceClass.SKY))
+    things = pixel_share(segments, columns, rows, *_IN_FRONT)
     in_front = _box_means(things, radius, radius)
     below = np.minimum(np.arange(rows)[:, None] + np.round(radius).astype(np.intp), rows - 1)
     in_front = np.take_along_axis(in_front, below, axis=0)

@@ -1,10 +1,10 @@
 """Options that several commands share: their types, and those of maps, files, outputs and networks."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
-from functools import wraps
+from functools import partial, reduce, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -195,18 +195,6 @@ def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | No
     return name
 
 
-def add_options(command: Callable[..., None], *options: Decorator) -> Callable[..., None]:
-    """Return a command with options, which its help shows in this order.
-
-    Args:
-        command: a function that takes their values by name.
-        *options: decorators of click.
-    """
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
 @contextmanager
 def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
     """Turn errors into wrong usage, with the option in place of the field.
@@ -218,6 +206,27 @@ def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
         yield
     except kind as error:
         raise click.UsageError(str(error.renamed(option_name))) from error
+
+
+def record_options(name: str, make: Callable[[dict[str, Any]], object], *options: Decorator) -> Decorator:
+    """Return a decorator that gives a command options, in the order of its help, and what is made of their values.
+
+    Args:
+        name: of the parameter by which the command receives it.
+        make: takes all values by name, and removes those that it uses; its ParameterError is wrong usage.
+        *options: decorators of click.
+    """
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def with_record(*args: object, **values: Any) -> None:
+            with usage_errors():
+                record = make(values)
+            command(*args, **{name: record}, **values)
+
+        return reduce(lambda made, option: option(made), reversed(options), with_record)
+
+    return decorate
 
 
 class _Compression(RegistryChoice):
@@ -347,31 +356,27 @@ def map_options(*names: str, without_detail: str = Around.PHOTO.value, max_heigh
         *(_SWITCHES.values() if "around" in names else ()),
     ]
 
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @wraps(command)
-        def with_view(*args: object, **values: Any) -> None:
-            fields_of = {name: values.pop(name) for name in names if name != "adjustments"}
-            if "around" in names:
-                old = around_of_switches(values.pop("surroundings"), values.pop("detail"), without_detail)
-                fields_of["around"] = fields_of["around"] or old
-            if "adjustments" in names:
-                sun, *others = (values.pop(name) for name in _ADJUSTMENTS)
-                if sun is not None and fields_of["sun"] is False:
-                    raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
-                if others[-1] is not None and fields_of["sun"] is False:
-                    raise click.UsageError("--pick chooses a sun, and --no-sun leaves it out: choose one.")
-                fields_of["sun"] = True if sun is not None else fields_of["sun"]
-                with usage_errors():
-                    fields_of["adjustments"] = Adjustments(sun, *others)
-            with usage_errors():
-                if "height" in names:
-                    check_height(fields_of["height"], max_height)
-                view = MapOptions(**fields_of)
-            command(*args, view=view, **values)
+    return record_options("view", partial(_make_view, names, without_detail, max_height), *options)
 
-        return add_options(with_view, *options)
 
-    return decorate
+def _make_view(names: Sequence[str], without_detail: str, max_height: int, values: dict[str, Any]) -> MapOptions:
+    """The MapOptions of a command's values, which are removed."""
+    fields_of = {name: values.pop(name) for name in names if name != "adjustments"}
+    if "around" in names:
+        old = around_of_switches(values.pop("surroundings"), values.pop("detail"), without_detail)
+        fields_of["around"] = fields_of["around"] or old
+    if "adjustments" in names:
+        sun, *others = (values.pop(name) for name in _ADJUSTMENTS)
+        if fields_of["sun"] is False:
+            if sun is not None:
+                raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
+            if others[-1] is not None:
+                raise click.UsageError("--pick chooses a sun, and --no-sun leaves it out: choose one.")
+        fields_of["sun"] = True if sun is not None else fields_of["sun"]
+        fields_of["adjustments"] = Adjustments(sun, *others)
+    if "height" in names:
+        check_height(fields_of["height"], max_height)
+    return MapOptions(**fields_of)
 
 
 def file_options(*names: str) -> Decorator:
@@ -380,17 +385,8 @@ def file_options(*names: str) -> Decorator:
     Args:
         names: of the fields.
     """
-
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @wraps(command)
-        def with_file(*args: object, **values: Any) -> None:
-            with usage_errors():
-                file = FileOptions(**{name: values.pop(name) for name in names})
-            command(*args, file=file, **values)
-
-        return add_options(with_file, *(_text_option(n, _FILE_TEXTS[n], getattr(FileOptions, n)) for n in names))
-
-    return decorate
+    options = (_text_option(name, _FILE_TEXTS[name], getattr(FileOptions, name)) for name in names)
+    return record_options("file", lambda values: FileOptions(**{name: values.pop(name) for name in names}), *options)
 
 
 def file_output(kind: OutputKind, *, several: bool = False) -> Decorator:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
-from functools import partial, wraps
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -15,14 +15,13 @@ from lighting.cli.options import (
     Decorator,
     FileName,
     Number,
-    add_options,
     json_option,
     map_options,
     model_option,
+    record_options,
     require_option,
     silent_option,
     strict_option,
-    usage_errors,
 )
 from lighting.errors import LightingError, ParameterError
 from lighting.fields import option_name
@@ -162,23 +161,19 @@ headings_option = click.option(
 
 
 def _options(*names: str) -> Decorator:
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @wraps(command)
-        def with_user_input(*args: object, **options: Any) -> None:
-            from lighting.fusion.user_input import UserInput
+    return record_options("user_input", partial(_make_user_input, names), *(_OPTIONS[name] for name in names))
 
-            values = {name: options.pop(name) for name in names}
-            check_coordinates(values["latitude"], values["longitude"])
-            with usage_errors():
-                user_input = UserInput(**values)
-            if user_input.drawn_fields and len(options.get("photos", ())) > 1:
-                names_of = option_name(user_input.drawn_fields[0])
-                raise click.UsageError(f"{names_of} is of one photo; give that photo alone.")
-            command(*args, user_input=user_input, **options)
 
-        return add_options(with_user_input, *(_OPTIONS[name] for name in names))
+def _make_user_input(names: Sequence[str], values: dict[str, Any]) -> "UserInput":
+    """The UserInput of a command's values, which are removed."""
+    from lighting.fusion.user_input import UserInput
 
-    return decorate
+    stated = {name: values.pop(name) for name in names}
+    check_coordinates(stated["latitude"], stated["longitude"])
+    user_input = UserInput(**stated)
+    if user_input.drawn_fields and len(values.get("photos", ())) > 1:
+        raise click.UsageError(f"{option_name(user_input.drawn_fields[0])} is of one photo; give that photo alone.")
+    return user_input
 
 
 # A command receives these as `user_input`. Contradictions are wrong usage.
@@ -238,25 +233,18 @@ def photo_options(*names: str, max_height: int = MAX_HEIGHT) -> Decorator:
         max_height: as in `map_options`.
     """
 
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @wraps(command)
-        def with_chosen(*args: object, **options: Any) -> None:
-            chosen = PhotoOptions(**{field.name: options.pop(field.name) for field in fields(PhotoOptions)})
-            command(*args, chosen=chosen, **options)
-
-        return add_options(
-            with_chosen,
-            click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName()),
-            map_options(*names, max_height=max_height),
-            user_input_options,
-            model_option,
-            strict_option,
-            require_option,
-            json_option,
-            silent_option,
-        )
-
-    return decorate
+    return record_options(
+        "chosen",
+        lambda values: PhotoOptions(**{field.name: values.pop(field.name) for field in fields(PhotoOptions)}),
+        click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName()),
+        map_options(*names, max_height=max_height),
+        user_input_options,
+        model_option,
+        strict_option,
+        require_option,
+        json_option,
+        silent_option,
+    )
 
 
 def check_coordinates(latitude: float | None, longitude: float | None) -> None:

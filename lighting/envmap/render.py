@@ -91,10 +91,11 @@ def render_bare(lighting: Lighting, height: int, *, sun: bool | None = None) -> 
     """
     check_height(height, MAX_WHOLE_HEIGHT)
     check_lighting(lighting)
+    sky, shines = lighting.map_sky, lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
     upper, lower = image[: height // 2], image[height // 2 :]
-    gain = _render_sky(upper, 0, lighting, None)
-    _render_ground(lower, lighting, sun)
+    gain = _render_sky(upper, 0, lighting, sky, None)
+    _render_ground(lower, lighting, shines)
     cap_map(image, lighting)
     return image, gain
 
@@ -114,23 +115,23 @@ def render_rows(
     if _may_be_capped(lighting):
         raise _too_bright(f"a map of over {MAX_WHOLE_HEIGHT} rows")
     if first < rows.shape[1] // 4:
-        _render_sky(rows, first, lighting, gain)
+        _render_sky(rows, first, lighting, lighting.map_sky, gain)
     else:
-        _render_ground(rows, lighting, sun)
+        _render_ground(rows, lighting, lighting.sun_painted if sun is None else sun)
 
 
-def _render_sky(rows: Image, first: int, lighting: Lighting, gain: Floats | None) -> Floats | None:
+def _render_sky(rows: Image, first: int, lighting: Lighting, sky: str, gain: Floats | None) -> Floats | None:
     """Render rows (R, 2H, 3) of the sky from `first` on; without a gain all, of which it is found and returned."""
-    sky, level = lighting.map_sky, sky_irradiance(lighting)
+    level = sky_irradiance(lighting)
     if lighting.sky_irradiance is None and sky == SKY_MODEL:  # others have no unit of their own
         _render_clear_sky(rows, first, lighting)
         return None
     return _render_mixed_sky(rows, first, lighting, sky, level, gain)
 
 
-def _render_ground(rows: Image, lighting: Lighting, sun: bool | None) -> None:
+def _render_ground(rows: Image, lighting: Lighting, shines: bool) -> None:
     level = sky_irradiance(lighting)
-    if lighting.sun_painted if sun is None else sun:
+    if shines:
         level = level + sun_light(lighting)[1]
     rows[0] = ground_reflectance(lighting) / math.pi * level
     rows[1:] = rows[0]  # copying whole rows is fastest
