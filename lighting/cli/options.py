@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
-from functools import partial, reduce, wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -224,7 +224,10 @@ def record_options(name: str, make: Callable[[dict[str, Any]], object], *options
                 record = make(values)
             command(*args, **{name: record}, **values)
 
-        return reduce(lambda made, option: option(made), reversed(options), with_record)
+        made: Callable[..., None] = with_record
+        for option in reversed(options):
+            made = option(made)
+        return made
 
     return decorate
 
