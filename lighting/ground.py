@@ -229,12 +229,14 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
         camera_height: m above the ground.
     """
     small = replace(camera, width=max(1, round(camera.width * _ROWS / camera.height)), height=_ROWS)
-    ground = pixel_share(segments, small.width, small.height, SurfaceClass.GROUND)
+    size = small.width, small.height
+    ground, water = (pixel_share(segments, *size, kind) for kind in (SurfaceClass.GROUND, SurfaceClass.WATER))
+    things = pixel_share(segments, *size, *_IN_FRONT)
     rays = geometry.camera_directions(small)
     radius = object_radius(small, -rays[..., 1] / (rays @ small.axes[2]), camera_height)
     stretch = _stretches(small, radius)
     score = np.where(stretch <= _MAX_STRETCH, _spot_scores(ground, radius) - _STRETCH_COST * (stretch - 1), -np.inf)
-    score[~_is_free(segments, radius)] = -np.inf
+    score[~_is_free(water, things, radius)] = -np.inf
     row, column = np.unravel_index(np.argmax(score), score.shape)
     if not np.isfinite(score[row, column]):
         return None
@@ -294,14 +296,12 @@ def _beside(values: Floats, radius: Floats) -> tuple[Floats, Floats]:
     return left, right
 
 
-def _is_free(segments: Segments, radius: Floats) -> NDArray[np.bool_]:
+def _is_free(water: NDArray[np.float32], things: NDArray[np.float32], radius: Floats) -> NDArray[np.bool_]:
     """Where (h, w) three balls of a radius (h, w) [pixels] stand on no water, and cover nothing that is nearer.
 
-    What is nearer stands farther down in the picture.
+    What is nearer stands farther down in the picture. `water` and `things` (h, w) are probabilities.
     """
-    rows, columns = radius.shape
-    water = pixel_share(segments, columns, rows, SurfaceClass.WATER)
-    things = pixel_share(segments, columns, rows, *_IN_FRONT)
+    rows = len(radius)
     in_front = _box_means(things, radius, radius)
     below = np.minimum(np.arange(rows)[:, None] + np.round(radius).astype(np.intp), rows - 1)
     in_front = np.take_along_axis(in_front, below, axis=0)

@@ -12,25 +12,11 @@ References:
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import PhotoError
-
-
-@contextmanager
-def decoder_calls() -> Iterator[None]:
-    """Calls of decoders alone, which raise nearly anything on hostile bytes: it becomes PhotoError."""
-    try:
-        yield
-    except (PhotoError, MemoryError):
-        raise
-    except Exception as error:
-        reason = (str(error).strip().rstrip(".").splitlines() or [type(error).__name__])[0]
-        raise PhotoError(f"The photo is damaged or cut short ({reason}).") from error
-
 
 # JPEG
 _MAX_SCANS = 40  # libjpeg writes 10 of a color picture and 18 of a CMYK one, mozjpeg's search ends at about as many

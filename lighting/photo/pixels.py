@@ -1,6 +1,7 @@
 """A decoded image's pixels: bit depth and orientation, and how they become upright 8-bit sRGB."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from math import ceil
 from typing import Any, TypeVar
 
@@ -8,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-import lighting.photo.containers as containers
 from lighting.errors import PhotoError
 from lighting.photo.color_encoding import ColorEncoding
-from lighting.photo.containers import decoder_calls
 from lighting.photo.tags import Tags
 
 Pixels = NDArray[np.uint8]
@@ -33,6 +32,18 @@ _UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright,
     7: lambda pixels: pixels[::-1, ::-1].transpose(1, 0, 2),
     8: lambda pixels: pixels[:, ::-1].transpose(1, 0, 2),
 }
+
+
+@contextmanager
+def decoder_calls() -> Iterator[None]:
+    """Calls of decoders alone, which raise nearly anything on hostile bytes: it becomes PhotoError."""
+    try:
+        yield
+    except (PhotoError, MemoryError):
+        raise
+    except Exception as error:
+        reason = (str(error).strip().rstrip(".").splitlines() or [type(error).__name__])[0]
+        raise PhotoError(f"The photo is damaged or cut short ({reason}).") from error
 
 
 def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
@@ -153,6 +164,6 @@ def decode_image(image: Image.Image, target: int) -> None:
         target: pixels, over 0.
     """
     scale = min(1.0, target / max(image.size))
-    with containers.decoder_calls():
+    with decoder_calls():
         image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
         image.load()

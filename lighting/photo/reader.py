@@ -38,7 +38,7 @@ from lighting.geometry import zoomed_fov
 from lighting.photo.borders import Layout, find_layout
 from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.metadata import PhotoMetadata, read_metadata
-from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
+from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, decoder_calls, upright_pixels
 from lighting.photo.sidecars import read_sidecar
 from lighting.photo.tags import read_tags
 
@@ -395,7 +395,7 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
     data = tiff.without_costly_exif(data)
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
-    with containers.decoder_calls():
+    with decoder_calls():
         try:
             image = _open_image(data)
         except (UnidentifiedImageError, SyntaxError) as error:
