@@ -25,9 +25,9 @@ from export.data.panoramas import DataError
 from export.networks.ensemble import NetworkEnsemble, find_backbone
 from export.networks.onnx_graph import (
     MIN_BYTES,
-    flatten_pointwise,
     fuse_nodes,
     merge_equal_nodes,
+    multiply_pointwise,
     quantize_products,
     save_graph,
     store_small,
@@ -107,7 +107,7 @@ def write_onnx(
         _check(_parity(ensemble, path), _TOLERANCE)
         strip_origin(model)
         merge_equal_nodes(model)
-        flatten_pointwise(model)
+        multiply_pointwise(model)
         tolerance = _WHOLE_TOLERANCE if quantize_products(model) else ROUNDED_TOLERANCE
         model, difference = _store_as_small_as_agrees(model, ensemble, path, tolerance)
         add_metadata(model, {"parity": f"{difference:.2e}"})

@@ -15,57 +15,49 @@ from lighting.onnx_session import OMITTED_CHANGES, import_onnxruntime, weights_p
 MIN_BYTES = 40_000  # elements of a tensor that is stored as bytes with scales
 _MIN_BLOCKED_BYTES = 200_000  # of one that a convolution over rows and columns takes: late ones bear the rounding best
 _MIN_HALF = 8192  # elements of a tensor that is stored in half precision
-_MIN_FLAT = 70_000  # elements of the weights of a convolution that sees its pixels in one row
-_MIN_PRODUCT = 100_000  # elements of the weights of a matrix product of whole numbers
+_MIN_PRODUCT = 70_000  # elements of the weights of a matrix product of whole numbers
 _SEVEN_BITS = 63  # largest of their values
 _BLOCKED_AXES = 4  # of the weights of a convolution over rows and columns
 _ERRORS_ONLY = 3  # onnxruntime's scale of log severities
 _MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
 
 
-def flatten_pointwise(model: Any) -> None:
-    """Let large pointwise convolutions see their pixels in one row.
-
-    onnxruntime blocks the channels of two-dimensional convolutions whose weights are constant, and then adds in another
-    order. Weights stored as bytes are constant only once they are widened, which takes a single run too long. A
-    convolution along one axis has one order of sums, so that every session gives the same answer to the last bit. With
-    fewer outputs than pixels the order would depend on the number of threads: such convolutions stay.
+def multiply_pointwise(model: Any) -> None:
+    """Let large pointwise convolutions be matrix products, whose rows are pixels, for `quantize_products`.
 
     Args:
         model: the ONNX model with weights of single precision, changed in place; its pictures have one size.
     """
     graph, shapes = model.graph, _inferred_shapes(model)
     others = {name for node in graph.node if not _is_pointwise(node) for name in node.input}
-    tensors = [t for t in graph.initializer if len(t.dims) == 4 and t.name not in others]
-    weights = {t.name: t for t in tensors if math.prod(t.dims) >= _MIN_FLAT}
-    pointwise = [node for node in graph.node if _is_pointwise(node) and node.input[1] in weights]
-    large = [n for n in pointwise if weights[n.input[1]].dims[0] >= math.prod(shapes[n.output[0]])]
-    _replace(graph.node, _flattened_nodes(graph, {node.output[0] for node in large}, shapes))
-    for name in {node.input[1] for node in large}:
-        weights[name].CopyFrom(numpy_helper.from_array(numpy_helper.to_array(weights[name])[..., 0], name))
-
-
-def _flattened_nodes(graph: Any, outputs: set[str], shapes: dict[str, tuple[int, ...]]) -> list[Any]:
-    """Nodes of a graph in which convolutions, by their outputs, and Clips after them have one axis of pixels."""
-    rows = {name: f"{name}.row" for name in outputs & _sole_clips(graph)}
+    weights = {t.name: t for t in graph.initializer if len(t.dims) == _BLOCKED_AXES and t.name not in others}
+    large = {name: tensor for name, tensor in weights.items() if math.prod(tensor.dims) >= _MIN_PRODUCT}
     nodes: list[Any] = []
     for node in graph.node:
-        source, target = node.input[0] if node.input else "", node.output[0]
-        if target in outputs:
-            nodes.append(_reshape(graph, source, f"{target}.flat", (0, 0, -1)))
-            inputs = [f"{target}.flat", *node.input[1:]]
-        elif source in rows and node.op_type == "Clip":
-            inputs = [rows[source], *node.input[1:]]
-        else:
-            nodes.append(node)
-            continue
-        row = helper.make_node(node.op_type, inputs, [f"{target}.row"])
-        if node.op_type == "Conv":
-            row.attribute.append(helper.make_attribute("kernel_shape", [1]))
-        nodes.append(row)
-        if target not in rows:
-            nodes.append(_reshape(graph, f"{target}.row", target, (0, 0, *shapes[target])))
-    return nodes
+        multiplied = _is_pointwise(node) and node.input[1] in large
+        nodes += _product_nodes(graph, node, shapes[node.output[0]]) if multiplied else [node]
+    used = {name for node in nodes if node.op_type == "MatMul" for name in node.input}
+    for name in used & set(large):
+        values = numpy_helper.to_array(large[name])[..., 0, 0].T
+        large[name].CopyFrom(numpy_helper.from_array(np.ascontiguousarray(values), name))
+    _replace(graph.node, nodes)
+
+
+def _product_nodes(graph: Any, node: Any, size: tuple[int, ...]) -> list[Any]:
+    """Nodes that compute what a pointwise convolution does, for pictures of `size` rows and columns."""
+    source, weights, *bias = node.input
+    target = node.output[0]
+    row, pixels, product, total, turned = (
+        f"{target}.{part}" for part in ("row", "pixels", "product", "total", "turned")
+    )
+    return [
+        _reshape(graph, source, row, (0, 0, -1)),
+        helper.make_node("Transpose", [row], [pixels], perm=[0, 2, 1]),
+        helper.make_node("MatMul", [pixels, weights], [product]),
+        *(helper.make_node("Add", [product, name], [total]) for name in bias),
+        helper.make_node("Transpose", [total if bias else product], [turned], perm=[0, 2, 1]),
+        _reshape(graph, turned, target, (0, 0, *size)),
+    ]
 
 
 def _is_pointwise(node: Any) -> bool:
@@ -82,16 +74,7 @@ def _inferred_shapes(model: Any) -> dict[str, tuple[int, ...]]:
     graph = onnx.shape_inference.infer_shapes(model).graph
     values = (*graph.value_info, *graph.output)
     shapes = {value.name: [d.dim_value for d in value.type.tensor_type.shape.dim] for value in values}
-    return {name: tuple(shape[2:]) for name, shape in shapes.items() if len(shape) == 4}
-
-
-def _sole_clips(graph: Any) -> set[str]:
-    """Names of the values that one Clip takes and nothing else does."""
-    users: dict[str, list[str]] = {}
-    for node in graph.node:
-        for name in node.input:
-            users.setdefault(name, []).append(node.op_type)
-    return {name for name, kinds in users.items() if kinds == ["Clip"]} - {output.name for output in graph.output}
+    return {name: tuple(shape[2:]) for name, shape in shapes.items() if len(shape) == _BLOCKED_AXES}
 
 
 def _reshape(graph: Any, source: str, target: str, shape: tuple[int, ...]) -> Any:

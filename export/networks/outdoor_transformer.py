@@ -1,7 +1,7 @@
 """Our network on a vision transformer: what two of its blocks say, reduced to few numbers, and one head an answer.
 
-The patches around the photo, which the canvas adds, are not looked at. Training looks at patches of the photo at random
-[1], too, which halves its time. The network does not tell where in the picture the sun is. The names of layers are the
+The patches around the photo, which the canvas adds, are left out. Training looks at patches of the photo at random [1],
+which halves its time. The network does not tell where in the picture the sun is. The names of layers are the
 names of weights in checkpoints: they stay.
 
 References: [1] Liu et al., PatchDropout: economizing vision transformers using patch dropout, WACV 2023.
@@ -78,7 +78,7 @@ class OutdoorTransformer(nn.Module):
 
     def forward(self, photo: Tensor) -> NetworkOutput:
         seen = F.max_pool2d(photo.abs().amax(dim=1, keepdim=True), PATCH).flatten(2) > 0
-        chosen = _draw_patches(seen[:, 0]) if self.training else None
+        chosen = _draw_patches(seen[:, 0]) if self.training else _shown_patches(seen[:, 0])
         features, empty = self._features(self._tokens(photo, seen, chosen), seen, chosen), photo[:, 0, 0, :0]
         reduced = self.reduce(features)
         camera = self.camera(reduced).reshape(-1, 3, BINS)
@@ -99,37 +99,38 @@ class OutdoorTransformer(nn.Module):
         self.trunk.fold(self.side)
         return self
 
-    def _tokens(self, photo: Tensor, seen: Tensor, chosen: Tensor | None) -> Tensor:
-        """Normalised tokens (B, 1 + N, 768) of both blocks, of the chosen patches or of all."""
+    def _tokens(self, photo: Tensor, seen: Tensor, chosen: Tensor) -> Tensor:
+        """Normalised tokens (B, 1 + N, 768) of both blocks, of the chosen patches (B, N)."""
         unseen = torch.where(F.pad(seen, (1, 0), value=True), 0.0, UNSEEN)
         scale = [BACKBONE_STD[i] / IMAGENET_STD[i] for i in range(3)]
         shift = [(BACKBONE_MEAN[i] - IMAGENET_MEAN[i]) / IMAGENET_STD[i] for i in range(3)]
         scales, shifts = (torch.tensor(values, device=photo.device)[:, None, None] for values in (scale, shift))
         with torch.no_grad():  # frozen, too
             embedded = self.trunk.embed(photo * scales + shifts, self.side)
-        if chosen is not None:
-            places = F.pad(chosen + 1, (1, 0))  # the class's token comes first
-            embedded = embedded.gather(1, places[..., None].expand(-1, -1, WIDTH))
-            unseen = unseen.gather(2, places[:, None])
+        places = F.pad(chosen + 1, (1, 0))  # the class's token comes first
+        embedded = embedded.gather(1, places[..., None].expand(-1, -1, WIDTH))
+        unseen = unseen.gather(2, places[:, None])
         found = self.trunk(embedded, _READ, unseen, _FROZEN)
         return torch.cat([norm(tokens.float()) for norm, tokens in zip(self.norms, found, strict=True)], dim=2)
 
-    def _features(self, tokens: Tensor, seen: Tensor, chosen: Tensor | None) -> Tensor:
-        patches, share = tokens[:, 1:], seen.transpose(1, 2).to(tokens.dtype)
-        if chosen is not None:
-            share = share.gather(1, chosen[..., None])
+    def _features(self, tokens: Tensor, seen: Tensor, chosen: Tensor) -> Tensor:
+        patches, share = tokens[:, 1:], seen.transpose(1, 2).to(tokens.dtype).gather(1, chosen[..., None])
         mean = (patches * share).sum(dim=1) / share.sum(dim=1)
         layout = F.gelu(self.where(patches)).float() * share
-        if chosen is not None:
-            empty = layout.new_zeros(len(layout), self.side**2, _LAYOUT)
-            layout = empty.scatter(1, chosen[..., None].expand(-1, -1, _LAYOUT), layout)
-        square = layout.transpose(1, 2).reshape(-1, _LAYOUT, self.side, self.side)
+        empty = layout.new_zeros(layout.shape[0], self.side**2, _LAYOUT)
+        whole = empty.scatter(1, chosen[..., None].expand(-1, -1, _LAYOUT), layout)
+        square = whole.transpose(1, 2).reshape(-1, _LAYOUT, self.side, self.side)
         return torch.cat([tokens[:, 0], mean, F.avg_pool2d(square, 2).flatten(1)], dim=1)
 
 
 def _draw_patches(seen: Tensor) -> Tensor:
     """Places (B, _LEARNED) of patches at random, first of those that show the photo, of seen (B, side^2)."""
     return (torch.rand(seen.shape, device=seen.device) + seen).topk(_LEARNED, dim=1).indices.sort(dim=1).values
+
+
+def _shown_patches(seen: Tensor) -> Tensor:
+    """Places (B, N) of the patches that any of the photos shows, of seen (B, side^2)."""
+    return seen.any(dim=0).nonzero()[:, 0].expand(seen.shape[0], -1)
 
 
 def _head(hidden: int, outputs: int) -> nn.Sequential:

@@ -158,8 +158,7 @@ def _product_weight(tensors: dict[str, NDArray[Any]], name: str) -> Tensor:
     """Weights (outputs, inputs) of a matrix product, which the file may have as whole numbers with a scale."""
     weight = _find_tensor(tensors, name)
     assert weight is not None
-    scale = tensors.get(f"{name}.scale")
-    return (weight if scale is None else weight * torch.from_numpy(np.array(scale))).T.contiguous()
+    return weight if f"{name}.scale" in tensors else weight.T.contiguous()
 
 
 def _before(name: str) -> str:
@@ -171,6 +170,7 @@ def _before(name: str) -> str:
 def _find_tensor(tensors: dict[str, NDArray[Any]], name: str) -> Tensor | None:
     """A tensor of the file in single precision, stored as it is, in half precision, or as bytes with a scale.
 
+    Weights of whole-number products come out as (outputs, inputs).
     Networks that share first layers, which training leaves as they are, have them under the name of one of them.
     """
     layer = name.split(".", 2)[-1]
@@ -178,6 +178,8 @@ def _find_tensor(tensors: dict[str, NDArray[Any]], name: str) -> Tensor | None:
     beginning = f"beginning.{layer.removeprefix('backbone.')}"
     others = [*(f"{group}.0.{layer}" for group in _GROUPS), beginning] if shared else []
     for key in (name, *others):
+        if key in tensors and f"{key}.scale" in tensors:
+            return torch.from_numpy((tensors[key].astype(np.float32) * tensors[f"{key}.scale"]).T.copy())
         if key in tensors:
             return torch.from_numpy(np.array(tensors[key], dtype=np.float32))
         if f"{key}.half" in tensors:

@@ -21,9 +21,9 @@ from export.networks.ensemble import NetworkEnsemble
 from export.networks.onnx_export import ROUNDED_TOLERANCE, write_onnx
 from export.networks.onnx_graph import (
     MIN_BYTES,
-    flatten_pointwise,
     fuse_nodes,
     merge_equal_nodes,
+    multiply_pointwise,
     quantize_products,
     save_graph,
     store_small,
@@ -55,9 +55,9 @@ def model(*branches: tuple[NDArray[np.float32], ...]) -> ModelProto:
     return _model(nodes, tensors, ["B", "N"])
 
 
-def _model(nodes: list[Any], tensors: list[TensorProto], shape: list[Any]) -> ModelProto:
-    ends = (helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name in ("x", "out"))
-    graph: GraphProto = helper.make_graph(nodes, "g", [next(ends)], [next(ends)], tensors)
+def _model(nodes: list[Any], tensors: list[TensorProto], shape: list[Any], out: list[Any] | None = None) -> ModelProto:
+    ends = [helper.make_tensor_value_info(n, TensorProto.FLOAT, s) for n, s in (("x", shape), ("out", out or shape))]
+    graph: GraphProto = helper.make_graph(nodes, "g", ends[:1], ends[1:], tensors)
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)
 
 
@@ -135,26 +135,30 @@ def test_smaller_filters_are_stored_as_halves_and_small_tensors_as_they_are() ->
     np.testing.assert_allclose(answer(network, x), before, atol=0.02 * np.abs(before).max())
 
 
-def test_large_pointwise_convolutions_run_along_one_axis_and_answer_alike_in_every_session(tmp_path: Path) -> None:
-    """A block of the network: the first keeps its Clip beside it, a depthwise one stays."""
+def test_large_pointwise_convolutions_become_products_and_answer_alike_in_every_session(tmp_path: Path) -> None:
+    """A block of the network: the depthwise convolution stays one, as does a pointwise one that skips pixels."""
     shapes = {"expand": (WIDE, LONG, 1, 1), "depthwise": (WIDE, 1, 3, 3), "project": (LONG, WIDE, 1, 1)}
     values = {"low": np.array(0.0), "high": np.array(6.0)} | {name: RNG.normal(size=s) for name, s in shapes.items()}
+    values |= {"bias": 50 * RNG.normal(size=WIDE), "last": RNG.normal(size=(100, LONG, 1, 1))}
     nodes = [
-        helper.make_node("Conv", ["x", "expand"], ["a"], kernel_shape=[1, 1]),
+        helper.make_node("Conv", ["x", "expand", "bias"], ["a"], kernel_shape=[1, 1]),
         helper.make_node("Clip", ["a", "low", "high"], ["b"]),
         helper.make_node("Conv", ["b", "depthwise"], ["c"], group=WIDE, kernel_shape=[3, 3], pads=[1, 1, 1, 1]),
-        helper.make_node("Conv", ["c", "project"], ["out"], kernel_shape=[1, 1]),
+        helper.make_node("Conv", ["c", "project"], ["d"], kernel_shape=[1, 1]),
+        helper.make_node("Conv", ["d", "last"], ["out"], kernel_shape=[1, 1], strides=[2, 2]),
     ]
     tensors = [numpy_helper.from_array(value.astype(np.float32), name) for name, value in values.items()]
-    network = _model(nodes, tensors, ["B", LONG, 7, 7])
+    network = _model(nodes, tensors, ["B", LONG, 7, 7], ["B", 100, 4, 4])
     x = RNG.normal(size=(2, LONG, 7, 7)).astype(np.float32)
     before = answer(network, x)
-    flatten_pointwise(network)
-    order = [node.op_type for node in network.graph.node]
-    assert order == ["Reshape", "Conv", "Clip", "Reshape", "Conv", "Reshape", "Conv", "Reshape"]
-    axes = {t.name: len(t.dims) for t in network.graph.initializer}
-    assert [axes[name] for name in shapes] == [3, 4, 3]
+    multiply_pointwise(network)
+    kinds_left = [node.op_type for node in network.graph.node if node.op_type in ("Conv", "MatMul", "Add", "Clip")]
+    assert kinds_left == ["MatMul", "Add", "Clip", "Conv", "MatMul", "Conv"]
+    sides = {t.name: list(t.dims) for t in network.graph.initializer}
+    assert [sides[name] for name in shapes] == [[LONG, WIDE], [WIDE, 1, 3, 3], [WIDE, LONG]]
     np.testing.assert_allclose(answer(network, x), before, rtol=1e-4, atol=1e-4 * np.abs(before).max())
+    assert quantize_products(network)
+    assert np.linalg.norm(answer(network, x) - before) < 0.04 * np.linalg.norm(before)
     store_small(network)
     file = tmp_path / "n.onnx"
     save_graph(network, file)
