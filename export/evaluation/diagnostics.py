@@ -16,7 +16,6 @@ from export.evaluation.predictions import View
 from export.evaluation.reliability import draw_reliability, reliability_curves, reliability_report, temperature_report
 from export.evaluation.report import CONSTANT, turbidity_report
 from lighting.color import tone_map
-from lighting.files import atomic_write
 from lighting.prediction import Prediction
 
 RELIABILITY_FILE = "reliability.png"
@@ -65,6 +64,5 @@ def _paper_sections(scored: ScoredCrops, out: Path, *, failures: bool) -> list[s
         write_failures(out / "failures.csv", worst, np.array([camera.azimuth for _, camera in scored.views]))
         spec = scored.predictions[0].spec
         pictures = [tone_map(crop_panorama(*scored.views[failure.index], spec).linear) for failure in worst]
-        with atomic_write(out / "failures.png") as temporary:
-            draw_contact_sheet(worst, pictures).save(temporary, "PNG")
+        draw_contact_sheet(worst, pictures, out / "failures.png")
     return [turbidity_report("paper", scored.truth, ours, scored.answers[CONSTANT], kind), failures_report(worst)]

@@ -11,7 +11,6 @@ from textwrap import fill
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 from export.data.panoramas import write_table
 from export.evaluation.metrics import (
@@ -23,6 +22,7 @@ from export.evaluation.metrics import (
     markdown_table,
     sun_error,
 )
+from lighting.files import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
 
 MAX_FAILURES = 50  # crops
@@ -138,31 +138,35 @@ def write_failures(path: Path, failures: Sequence[Failure], azimuth: Floats) -> 
     write_table(path, header, rows)
 
 
-# A contact sheet of failures: each crop with its true and its estimated sun, in numbers and on a dial.
-
-ACROSS = 5  # crops in a row
-THUMBNAIL = (320, 240)  # pixels
-_TEXT, _LINE = 13, 16  # pixels, height of letters and of lines
-_DIAL = 26  # pixels, radius
-TRUE_COLOR, ESTIMATE_COLOR = (255, 200, 0), (90, 180, 255)
+_ACROSS = 5  # crops in a row of the sheet
+_DIAL = (0.8, 0.02, 0.18, 0.24)  # of a picture's width and height: its left, its bottom, its size
 
 
-def draw_contact_sheet(failures: Sequence[Failure], pictures: Sequence[NDArray[np.uint8]]) -> Image.Image:
-    """The failures in rows of ACROSS, each with three lines under it.
+def draw_contact_sheet(failures: Sequence[Failure], pictures: Sequence[NDArray[np.uint8]], path: Path) -> None:
+    """Draw the failures, each with three lines over it, and with a dial of the true sun (gold) and the estimate (blue).
+
+    The dial shows them from above: the zenith in the middle, the camera's azimuth at the top.
 
     Args:
         failures: to show.
         pictures: (h, w, 3) sRGB of each.
+        path: PNG file to write.
     """
-    height = THUMBNAIL[1] + 3 * _LINE + 6
-    whole = Image.new("RGB", (ACROSS * (THUMBNAIL[0] + 4), -(-len(failures) // ACROSS) * height), "white")
-    for i, (one, picture) in enumerate(zip(failures, pictures, strict=True)):
-        corner = (i % ACROSS * (THUMBNAIL[0] + 4), i // ACROSS * height)
-        whole.paste(_with_dial(Image.fromarray(picture).resize(THUMBNAIL), one), corner)
-        text = "\n".join(_lines(i + 1, one))
-        font = ImageFont.load_default(_TEXT)
-        ImageDraw.Draw(whole).multiline_text((corner[0] + 2, corner[1] + THUMBNAIL[1]), text, "black", font, spacing=2)
-    return whole
+    from matplotlib.figure import Figure
+
+    rows = -(-len(failures) // _ACROSS)
+    figure = Figure(figsize=(4 * _ACROSS, 4 * rows), layout="constrained")
+    for number, (one, picture) in enumerate(zip(failures, pictures, strict=True), 1):
+        panel = figure.add_subplot(rows, _ACROSS, number)
+        panel.imshow(picture)
+        panel.set_axis_off()
+        panel.set_title("\n".join(_lines(number, one)), fontsize=9, loc="left")
+        dial = panel.inset_axes(_DIAL, projection="polar", theta_offset=np.pi / 2, theta_direction=-1)
+        dial.set(ylim=(0, 90), xticks=[], yticks=[])
+        for (azimuth, elevation), color in ((one.sun, "gold"), (one.estimate, "tab:blue")):
+            dial.plot(np.radians(azimuth), 90 - elevation, "o", color=color)
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=80)
 
 
 def _lines(number: int, f: Failure) -> tuple[str, str, str]:
@@ -171,16 +175,3 @@ def _lines(number: int, f: Failure) -> tuple[str, str, str]:
         f"true {f.sun[0]:.0f}, {f.sun[1]:.0f}   said {f.estimate[0]:.0f}, {f.estimate[1]:.0f} ± {f.radius_50:.0f}",
         f"{f.cause}; {f.in_view}; direct {f.direct or 'unknown'}",
     )
-
-
-def _with_dial(picture: Image.Image, f: Failure) -> Image.Image:
-    """The picture with a dial of the suns from above: the zenith in the middle, the camera's azimuth at the top."""
-    draw = ImageDraw.Draw(picture)
-    middle = np.array(picture.size) - _DIAL - 4
-    draw.ellipse([*(middle - _DIAL), *(middle + _DIAL)], fill=(60, 60, 60), outline="white")
-    draw.line([*middle, middle[0], middle[1] - _DIAL], fill="white")
-    for (azimuth, elevation), color in ((f.sun, TRUE_COLOR), (f.estimate, ESTIMATE_COLOR)):
-        angle, reach = np.radians(azimuth), _DIAL * (1 - elevation / 90)
-        spot = middle + reach * np.array([np.sin(angle), -np.cos(angle)])
-        draw.ellipse([*(spot - 4), *(spot + 4)], fill=color)
-    return picture
