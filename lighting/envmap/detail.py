@@ -322,7 +322,8 @@ def _photo_cells(
     clipped = colors.max(axis=1, keepdims=True) > CLIPPED
     weight = np.ones((len(colors), 1), np.float32)
     if segments is not None:
-        above, below = (pixel_share(segments, columns, rows, *kinds) for kinds in (_OPEN_ABOVE, _OPEN_BELOW))
+        above = pixel_share(segments, columns, rows, *_OPEN_ABOVE)
+        below = pixel_share(segments, columns, rows, *_OPEN_BELOW)
         share = np.where(cell < cells // 2, above, below).reshape(-1, 1)
         weight = np.maximum(share, np.float32(_LEAST_OPEN))
     log = np.log(colors * np.float32(max(gain, _MIN_GAIN)) + LOG_OFFSET)

@@ -246,8 +246,8 @@ def _render_mixed_sky(
     The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
     """
     cover, height = lighting.sky_cover or 0.0, image.shape[1] // 2
-    overcast = _overcast_rows(height // 2)[first : first + len(image)]
-    if cover >= 1:
+    overcast = _overcast_rows(height // 2)[first : first + len(image)] if cover > 0 else None
+    if overcast is not None and cover >= 1:
         image[:] = overcast * np.asarray(irradiance, dtype=np.float32)
         return None
     _render_sky_shape(image, first, lighting, sky)
@@ -255,7 +255,7 @@ def _render_mixed_sky(
         reached = irradiance_from_rows(row_irradiance(height)[: len(image)], image)
         gain = (1 - cover) * irradiance / np.maximum(reached, EPSILON_IRRADIANCE)
     scale_colors(image, gain)
-    if cover > 0:
+    if overcast is not None:
         added = np.tile(np.asarray(cover * irradiance, dtype=np.float32), image.shape[1])  # as in `scale_colors`
         flat, rows = image.reshape(len(image), -1), max(1, _CHUNK_PIXELS // added.size)
         for start in range(0, len(flat), rows):
