@@ -84,13 +84,14 @@ def find_sea_horizon(pixels: NDArray[np.uint8], segments: Segments) -> tuple[flo
         return None
     line, x = start
     full_size = Image.fromarray(pixels).convert("L")
-    gray = np.asarray(full_size.resize(shrink_size(*full_size.size, LINES_SIDE), Image.Resampling.BOX), np.float64)
+    gray = np.asarray(full_size.resize(shrink_size(*full_size.size, LINES_SIDE), Image.Resampling.BOX))
     height, width = gray.shape
     if height < 6 * _BAND:
         return None
     finer = np.add.outer(x, np.linspace(-0.5, 0.5, 4, endpoint=False) / _COARSE[0])
     column = np.unique(np.clip(finer * width, 0, width - 1).astype(np.intp))
-    falls, narrow = (_falls(gray[:, column], band) for band in (_BAND, _BAND // 2))
+    total = _totals(gray[:, column])
+    falls, narrow = (_falls(total, band) for band in (_BAND, _BAND // 2))
     x, reach = (column + 0.5) / width, 2 * height / _CELLS
     line = line * height
     falls[np.abs(np.arange(height + 1)[:, None] - line[0] - (line[1] - line[0]) * x) > reach] = 0
@@ -104,10 +105,15 @@ def find_sea_horizon(pixels: NDArray[np.uint8], segments: Segments) -> tuple[flo
     return float(line[0] / height), float(line[1] / height)
 
 
-def _falls(gray: Floats, band: int) -> Floats:
-    """By how much a picture (h, N) is brighter in a band of rows above each edge between rows (h + 1, N) than below."""
-    edge = np.arange(band, len(gray) - band + 1)
-    return np.pad(_sums(gray, edge - band, band) - _sums(gray, edge, band), ((band, band), (0, 0))) / band
+def _falls(total: Floats, band: int) -> Floats:
+    """By how much a picture is brighter in a band of rows above each edge between rows (h + 1, N) than below.
+
+    `total` (h + 1, N) is of whole numbers, by `_totals`.
+    """
+    falls = np.zeros_like(total)
+    inner = total[band:-band]
+    falls[band:-band] = (inner - total[: -2 * band] - (total[2 * band :] - inner)) / band
+    return falls
 
 
 def _coarse_line(segments: Segments) -> tuple[Floats, Floats] | None:
@@ -119,20 +125,19 @@ def _coarse_line(segments: Segments) -> tuple[Floats, Floats] | None:
         return None
     width, height = _COARSE
     reach = height // _CELLS
-    sky, water, *others = (
-        pixel_share(segments, width, height, kind)
-        for kind in (SurfaceClass.SKY, SurfaceClass.WATER, *(kind for kind in SurfaceClass if kind not in _NOT_LAND))
-    )
-    row, at_column = np.arange(reach, height - 3 * reach), np.arange(width)
-    above = _sums(sky, row - reach, reach)
-    best = np.argmax(above - _sums(sky, row, reach), axis=0)
-    below = [_sums(kind, row, 3 * reach)[best, at_column] for kind in (water, *others)]
+    kinds = *_NOT_LAND, *(kind for kind in SurfaceClass if kind not in _NOT_LAND)
+    sky, *others = (_totals(pixel_share(segments, width, height, kind)) for kind in kinds)
+    edges, at_column = sky[reach : height - 3 * reach], np.arange(width)
+    above = edges - sky[: len(edges)]
+    best = np.argmax(above - (sky[2 * reach :][: len(edges)] - edges), axis=0)
+    row = best + reach
+    below = [total[row + 3 * reach, at_column] - total[row, at_column] for total in others]
     is_shore = (above[best, at_column] >= _MIN_SKY * reach) & (below[0] >= np.max(below[1:], axis=0))
     column = np.flatnonzero(is_shore)
     if len(column) < _MIN_LENGTH * width:
         return None
     x = (column + 0.5) / width
-    slope, start = np.polyfit(x, row[best[column]] / height, 1)
+    slope, start = np.polyfit(x, row[column] / height, 1)
     return np.array([start, start + slope]), x
 
 
@@ -196,7 +201,8 @@ def _at(values: Floats, y: Floats) -> Floats:
     return np.asarray((1 - share) * values.take(above) + share * values.take(above + values.shape[1]))
 
 
-def _sums(values: Floats, first: NDArray[np.intp], count: int) -> Floats:
-    """Sums (R, w) of as many rows of values (h, w), from each of the first ones (R,) on."""
-    total = np.cumsum(np.pad(values, ((1, 0), (0, 0))), axis=0, dtype=np.float64)
-    return np.asarray(total[first + count] - total[first])
+def _totals(values: Floats) -> Floats:
+    """The sums (h + 1, w) of the rows of values (h, w) above each edge between rows."""
+    total = np.zeros((len(values) + 1, values.shape[1]))
+    np.cumsum(values, axis=0, out=total[1:], dtype=np.float64)
+    return total

@@ -18,6 +18,7 @@ _MIN_CONTRAST = 40.0  # gray levels, of 255, between the darkest and the brighte
 _SAMPLED_SIDE = 320  # rows or columns of the longer side that are sampled
 _PALETTE_SIDE = 112  # the same for a palette
 _PALETTE_PARTS = 48  # of a palette, in which its colors are one
+_POSITIONS, _LEAST_RANGE = 65535, 1e-6  # steps in which they lie along it; of positions, none is shorter
 _MIN_PALETTE_SPREAD = 25.0  # levels, standard deviation of the colors
 _PALETTE_CELL = 0.17  # spreads, side of the cells whose chain is a palette's line
 _MIN_CELL_SHARE = 0.97  # of the colors, in the fullest cells
@@ -83,25 +84,32 @@ def is_false_color(pixels: Pixels) -> bool:
     height, width = (side // step for side in pixels.shape[:2])
     if height * width < 4 * _PALETTE_PARTS:
         return False
-    rows = pixels[: height * step, : width * step].reshape(height, step, -1).sum(axis=1, dtype=np.uint32)
-    columns = rows.reshape(height, width, step, 3)
-    blocks = sum((columns[:, :, i] for i in range(1, step)), columns[:, :, 0]) / step**2  # along a short axis
-    red, green, blue = np.moveaxis(blocks.reshape(-1, 3), 1, 0)
-    gray, colors = 0.3 * red + 0.6 * green + 0.1 * blue, np.stack([red - green, 0.5 * (red + green) - blue], axis=1)
-    spread = float(np.hypot(*colors.std(axis=0)))
+    rows = sum((pixels[i : height * step : step] for i in range(1, step)), pixels[: height * step : step].astype(np.uint16))
+    columns = rows[:, : width * step].reshape(-1, step, 3)
+    first = columns[:, 0].astype(np.uint32)
+    red, green, blue = (
+        sum((columns[:, i, channel] for i in range(1, step)), first[:, channel]) / step**2 for channel in range(3)
+    )
+    gray = 0.3 * red + 0.6 * green + 0.1 * blue
+    colors = np.stack([red - green, 0.5 * (red + green) - blue])
+    spread = float(np.hypot(*colors.std(axis=1)))
     if spread < _MIN_PALETTE_SPREAD:
         return False
-    hue = np.arctan2(colors[:, 1], colors[:, 0])
-    values, limit = np.column_stack([gray, colors]), spread * float(np.interp(spread, *_MAX_PALETTE_RESIDUALS))
+    values, limit = np.stack([gray, *colors]), spread * float(np.interp(spread, *_MAX_PALETTE_RESIDUALS))
+    hue = np.arctan2(colors[1], colors[0])
     residual = min(_palette_residual(position, values) for position in (hue, gray))
-    return residual < limit and residual + _path_residual(values, _PALETTE_CELL * spread) < limit
+    return residual < limit and residual + _path_residual(values.T, _PALETTE_CELL * spread) < limit
 
 
 def _palette_residual(position: Floats, colors: Floats) -> float:
-    """How far colors (N, 3), in parts by their position (N,) on a palette, lie from the middle one of their part."""
+    """How far colors (3, N), in parts by their position (N,) on a palette, lie from the middle one of their part."""
     size = len(position) // _PALETTE_PARTS
-    parts = colors[np.argsort(position)[: size * _PALETTE_PARTS]].reshape(_PALETTE_PARTS, size, 3)
-    return float(_middle(np.linalg.norm(parts - _middle(parts)[:, None], axis=2)).mean())
+    low, high = position.min(), position.max()
+    steps = ((position - low) * (_POSITIONS / max(high - low, _LEAST_RANGE))).astype(np.uint16)  # sorted by radix
+    chosen = np.argsort(steps, kind="stable")[: size * _PALETTE_PARTS]
+    parts = colors.take(chosen, axis=1).reshape(3, _PALETTE_PARTS, size)
+    parts -= _middle(parts)[..., None]
+    return float(_middle(np.sqrt(np.square(parts).sum(axis=0))).mean())
 
 
 def _path_residual(colors: Floats, cell: float) -> float:
@@ -147,9 +155,11 @@ def _tree_distances(distances: Floats) -> Floats:
 
 
 def _middle(values: Floats) -> Floats:
-    """The median along axis 1, for which NumPy's own function would import masked arrays."""
-    ordered, size = np.sort(values, axis=1), values.shape[1]
-    return np.asarray((ordered[:, (size - 1) // 2] + ordered[:, size // 2]) / 2)
+    """The median along the last axis, for which NumPy's own function would import masked arrays."""
+    size = values.shape[-1]
+    below, above = (size - 1) // 2, size // 2
+    ordered = np.sort(values, axis=-1)
+    return np.asarray((ordered[..., below] + ordered[..., above]) / 2)
 
 
 _STEREO_CORRELATION = 0.6  # of halves; of 673 photos one has more, whose rows differ in brightness
