@@ -362,9 +362,11 @@ def box_means(values: NDArray[np.float32], rows: tuple[Any, Any], columns: tuple
         rows: for each pixel the box's first row and the one after its last, whole numbers that broadcast to (H, W).
         columns: the same of its columns.
     """
-    sums = np.pad(values.astype(np.float64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    sums = np.zeros((len(values) + 1, values.shape[1] + 1))
+    np.cumsum(values.cumsum(axis=0, dtype=np.float64), axis=1, out=sums[1:, 1:])
     (top, bottom), (left, right) = rows, columns
-    total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+    first, end = top * sums.shape[1], bottom * sums.shape[1]
+    total = sums.take(end + right) - sums.take(first + right) - sums.take(end + left) + sums.take(first + left)
     return np.asarray(total / ((bottom - top) * (right - left)))
 
 

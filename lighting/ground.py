@@ -235,8 +235,9 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
     rays = geometry.camera_directions(small)
     radius = object_radius(small, -rays[..., 1] / (rays @ small.axes[2]), camera_height)
     stretch = _stretches(small, radius)
-    score = np.where(stretch <= _MAX_STRETCH, _spot_scores(ground, radius) - _STRETCH_COST * (stretch - 1), -np.inf)
-    score[~_is_free(water, things, radius)] = -np.inf
+    boxes = _Boxes.of_balls(radius)
+    score = _spot_scores(ground, radius, boxes) - _STRETCH_COST * (stretch - 1)
+    score[~((stretch <= _MAX_STRETCH) & _is_free(water, things, radius, boxes))] = -np.inf
     row, column = np.unravel_index(np.argmax(score), score.shape)
     if not np.isfinite(score[row, column]):
         return None
@@ -272,14 +273,40 @@ def _stretches(camera: Pinhole, radius: Floats) -> Floats:
     return np.asarray(np.sqrt(1 + (outermost**2 + (y - camera.height / 2) ** 2) / camera.focal_length**2))
 
 
-def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
+_Ends = tuple[NDArray[np.intp], NDArray[np.intp]]  # the first row or column (h, w), and the one after the last
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Boxes:
+    """The pixels under and behind a ball that stands in each place."""
+
+    columns: _Ends  # that it covers
+    foot: _Ends  # rows where it meets the ground
+    rows: _Ends  # as many as columns
+
+    @classmethod
+    def of_balls(cls, radius: Floats) -> "_Boxes":
+        """Of balls of a radius (h, w) [pixels]."""
+        height, width = radius.shape
+        y, x = np.arange(height)[:, None] + 0.5, np.arange(width) + 0.5
+        return cls(_ends(x, radius, width), _ends(y, _FOOT_HEIGHT * radius, height), _ends(y, radius, height))
+
+
+def _ends(middle: Floats, reach: Floats, count: int) -> _Ends:
+    """The ends (h, w) of boxes within `count` rows or columns that reach so far (h, w) from the middle of a pixel."""
+    first, end = (np.clip(np.round(edge), 0, count).astype(np.intp) for edge in (middle - reach, middle + reach))
+    end = np.minimum(np.maximum(end, first + 1), count)
+    return np.minimum(first, end - 1), end
+
+
+def _spot_scores(ground: NDArray[np.float32], radius: Floats, boxes: _Boxes) -> Floats:
     """How well (h, w) a row of balls would stand in each place, -inf where none can.
 
     `ground` (h, w) is the probability of ground, `radius` (h, w) that of a ball [pixels].
     """
     rows, columns = ground.shape
     y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
-    under_one = _box_means(ground, radius, _FOOT_HEIGHT * radius)
+    under_one = geometry.box_means(ground, boxes.foot, boxes.columns)
     under_all = np.minimum(under_one, np.minimum(*_beside(under_one, radius)))
     fits = (np.abs(x - columns / 2) + _ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
     stands = (under_one >= _MIN_SUPPORT) & (under_all >= _MIN_ROW_SUPPORT) & (radius >= _MIN_RADIUS * rows)
@@ -296,27 +323,17 @@ def _beside(values: Floats, radius: Floats) -> tuple[Floats, Floats]:
     return left, right
 
 
-def _is_free(water: NDArray[np.float32], things: NDArray[np.float32], radius: Floats) -> NDArray[np.bool_]:
+def _is_free(
+    water: NDArray[np.float32], things: NDArray[np.float32], radius: Floats, boxes: _Boxes
+) -> NDArray[np.bool_]:
     """Where (h, w) three balls of a radius (h, w) [pixels] stand on no water, and cover nothing that is nearer.
 
     What is nearer stands farther down in the picture. `water` and `things` (h, w) are probabilities.
     """
     rows = len(radius)
-    in_front = _box_means(things, radius, radius)
+    in_front = geometry.box_means(things, boxes.rows, boxes.columns)
     below = np.minimum(np.arange(rows)[:, None] + np.round(radius).astype(np.intp), rows - 1)
     in_front = np.take_along_axis(in_front, below, axis=0)
     in_front = np.maximum(in_front, np.maximum(*_beside(in_front, radius)))
-    wet = _box_means(water, radius, _FOOT_HEIGHT * radius)
+    wet = geometry.box_means(water, boxes.foot, boxes.columns)
     return np.asarray((in_front <= _MAX_IN_FRONT) & (wet <= _MAX_WATER))
-
-
-def _box_means(values: NDArray[np.float32], lateral: Floats, vertical: Floats) -> Floats:
-    """The mean (h, w) of values (h, w) within boxes around each pixel that reach so far (h, w) [pixels]."""
-    rows, columns = values.shape
-    y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
-    top, bottom = (np.clip(np.round(edge), 0, rows).astype(np.intp) for edge in (y - vertical, y + vertical))
-    left, right = (np.clip(np.round(edge), 0, columns).astype(np.intp) for edge in (x - lateral, x + lateral))
-    bottom, right = np.maximum(bottom, top + 1), np.maximum(right, left + 1)
-    bottom, right = np.minimum(bottom, rows), np.minimum(right, columns)
-    top, left = np.minimum(top, bottom - 1), np.minimum(left, right - 1)
-    return geometry.box_means(values, (top, bottom), (left, right))

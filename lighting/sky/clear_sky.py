@@ -209,9 +209,21 @@ def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
     segments = len(table)
     segment = np.clip((np.cbrt(elevation * 2 / np.pi) * segments).astype(np.intp), 0, segments - 1)
     x = elevation - np.pi / 2 * (segment / segments) ** 3
-    by_limb = np.einsum("nckl,nl->nck", table[segment], np.vander(limb, table.shape[-1], increasing=True))
-    value = np.einsum("nck,nk->nc", by_limb, np.vander(x, table.shape[-2], increasing=True))
+    value = np.empty((len(x), 3))
+    for number in range(segment.min(initial=segments), segment.max(initial=-1) + 1):  # one or two in a disc
+        inside = np.flatnonzero(segment == number)
+        by_limb = table[number].reshape(-1, table.shape[-1]) @ _powers(limb[inside], table.shape[-1])
+        terms = by_limb.reshape(3, table.shape[-2], -1) * _powers(x[inside], table.shape[-2])
+        value[inside] = terms.sum(axis=1).T
     return np.asarray(np.maximum(value, 0) * (SUN_RGB_FACTOR / CIE_Y_INTEGRAL))
+
+
+def _powers(values: Floats, count: int) -> Floats:
+    """The powers (count, N) of values (N,), from 0."""
+    powers = np.ones((count, len(values)))
+    for exponent in range(1, count):
+        np.multiply(powers[exponent - 1], values, out=powers[exponent])
+    return powers
 
 
 @lru_cache(maxsize=1)
