@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
-from lighting.color import SRGB_LINEAR
+from lighting.color import SRGB_LINEAR, max_channel
 from lighting.envmap.latlong import (
     EPSILON_IRRADIANCE,
     Image,
@@ -396,13 +396,14 @@ def _photo_ratios(
     """
     rows, columns = cells.shape[:2]
     photo, cell = sample_cells(pixels, lighting, rows)
-    stays = np.ones(cell.shape, np.bool_)
+    chosen = np.arange(cell.size)
     if segments is not None:
-        stays = pixel_share(segments, cell.shape[1], cell.shape[0], *PASSING_THINGS) < _MAX_PASSING
-    cell, colors, map_colors = cell[stays], photo[stays], cells.reshape(-1, 3)
-    clipped = colors.max(axis=1) > CLIPPED
-    colors = colors * np.float32(gain)
-    colors = np.where(clipped[:, None], np.maximum(colors, map_colors[cell]), colors)
+        passing = pixel_share(segments, cell.shape[1], cell.shape[0], *PASSING_THINGS)
+        chosen = np.flatnonzero(passing < _MAX_PASSING)
+    cell, colors, map_colors = cell.take(chosen), photo.reshape(-1, 3).take(chosen, axis=0), cells.reshape(-1, 3)
+    clipped = np.flatnonzero(max_channel(colors) > CLIPPED)
+    colors *= np.float32(gain)
+    colors[clipped] = np.maximum(colors[clipped], map_colors[cell[clipped]])
     count = np.bincount(cell, minlength=rows * columns)
     total = np.stack([np.bincount(cell, channel, rows * columns) for channel in colors.T], axis=-1)
     mean = total / np.maximum(count, 1)[:, None]

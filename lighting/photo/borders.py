@@ -40,6 +40,7 @@ _MAX_BORDERS = 4  # one inside another
 _MAX_FADE = 2.5  # widths of a frame beside, up to which a side that fades into it belongs to it
 _MIN_DRAWN, _MIN_TEXT_GAP = 12, 4  # pixels of a text, and between it and a picture
 _MAX_DEPTH = 6  # of cuts within cuts
+_SIDES = 4
 _MIN_AREA = 0.04  # of the whole, of a picture
 _MIN_BORDER = 0.006  # of a side, under which nothing is cut off
 _SMOOTH_BEND = 4  # gray levels, second difference of neighbors up to which a blurred copy or a gradient is smooth
@@ -212,14 +213,23 @@ def _is_one_sided(inner: _Box, outer: _Box) -> bool:
 def _background_colors(pixels: NDArray[np.int16], box: _Box) -> Iterator[tuple[NDArray[np.int16], bool]]:
     """The different colors (3,) of a box's sides and of plain lines across it; whether it is that of a side."""
     part = box.of(pixels)
+    across = part.swapaxes(0, 1)
+    rows, columns = (
+        _plain_colors(np.stack([one[0], one[-1], *_plain_lines(one)]).swapaxes(1, 2)) for one in (part, across)
+    )
     colors: list[NDArray[np.int16]] = []
-    sides = [part[0], part[-1], part[:, 0], part[:, -1]]
-    for number, line in enumerate([*sides, *_plain_lines(part), *_plain_lines(part.swapaxes(0, 1))]):
-        color = np.median(line, axis=0).astype(np.int16)
-        plain = (np.abs(line - color).max(axis=1) <= _TOLERANCE).mean() >= _GAP_SHARE
-        if plain and all(np.abs(color - other).max() > _TOLERANCE // 2 for other in colors):
+    for number, color in enumerate([*rows[:2], *columns[:2], *rows[2:], *columns[2:]]):
+        if color is not None and all(np.abs(color - other).max() > _TOLERANCE // 2 for other in colors):
             colors.append(color)
-            yield color, number < len(sides)
+            yield color, number < _SIDES
+
+
+def _plain_colors(lines: NDArray[np.int16]) -> list[NDArray[np.int16] | None]:
+    """The color (3,) of each line (N, 3, P) of pixels; None where it has several."""
+    ordered, size = np.sort(lines, axis=2), lines.shape[2]
+    colors = ((ordered[..., (size - 1) // 2] + ordered[..., size // 2]) / 2).astype(np.int16)  # the median
+    is_plain = (np.abs(lines - colors[..., None]).max(axis=1) <= _TOLERANCE).mean(axis=1) >= _GAP_SHARE
+    return [color if plain else None for color, plain in zip(colors, is_plain, strict=True)]
 
 
 def _plain_lines(part: NDArray[np.int16]) -> Iterator[NDArray[np.int16]]:
