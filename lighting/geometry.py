@@ -239,22 +239,35 @@ def sample_latlong(image: NDArray[np.number], direction: ArrayLike) -> Floats:
         image: (H, 2H, C).
         direction: (..., 3), of any length.
     """
-    vectors = np.asarray(direction)
-    rays = vectors.reshape(-1, 3) if vectors.dtype == np.float32 else vectors.reshape(-1, 3).astype(np.float64)
-    bordered, width, channels = _with_border(image), image.shape[1], image.shape[2]
-    kind = image.dtype if np.issubdtype(image.dtype, np.floating) else np.float32
-    result = np.empty((len(rays), channels), kind)
-    for start in range(0, len(rays), _SAMPLED_AT_ONCE):
-        part = slice(start, start + _SAMPLED_AT_ONCE)
-        first, right_share, lower_share = _place_in_border(rays[part], image.shape[0])
-        right_share, lower_share = (
-            np.repeat(share, channels).reshape(-1, channels) for share in (right_share, lower_share)
-        )
-        upper, lower = (_mix_columns(bordered, first + step, right_share) for step in (0, width + 2))
-        lower -= upper
-        lower *= lower_share
-        np.add(lower, upper, out=result[part])
-    return result.reshape(*vectors.shape[:-1], channels)
+    return LatlongSampler(image)(direction)
+
+
+class LatlongSampler:
+    """`sample_latlong` of one image, whose border is made once."""
+
+    def __init__(self, image: NDArray[np.number]) -> None:
+        """Copy an image (H, 2H, C)."""
+        self._height, _, self._channels = image.shape
+        self._bordered: NDArray[Any] = _with_border(image)
+
+    def __call__(self, direction: ArrayLike) -> Floats:
+        """Sample it in directions (..., 3)."""
+        vectors = np.asarray(direction)
+        rays = vectors.reshape(-1, 3) if vectors.dtype == np.float32 else vectors.reshape(-1, 3).astype(np.float64)
+        bordered, width, channels = self._bordered, 2 * self._height, self._channels
+        kind = bordered.dtype if np.issubdtype(bordered.dtype, np.floating) else np.float32
+        result = np.empty((len(rays), channels), kind)
+        for start in range(0, len(rays), _SAMPLED_AT_ONCE):
+            part = slice(start, start + _SAMPLED_AT_ONCE)
+            first, right_share, lower_share = _place_in_border(rays[part], self._height)
+            right_share, lower_share = (
+                np.repeat(share, channels).reshape(-1, channels) for share in (right_share, lower_share)
+            )
+            upper, lower = (_mix_columns(bordered, first + step, right_share) for step in (0, width + 2))
+            lower -= upper
+            lower *= lower_share
+            np.add(lower, upper, out=result[part])
+        return result.reshape(*vectors.shape[:-1], channels)
 
 
 def _place_in_border(rays: Floats, height: int) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.float32]]:
@@ -282,8 +295,9 @@ def _with_border(image: NDArray[_Kind]) -> NDArray[_Kind]:
     height, width, channels = image.shape
     bordered = np.empty((height + 2, width + 2, channels), image.dtype)
     bordered[1:-1, 1:-1] = image
-    for edge, inside in ((0, 0), (-1, -1)):
-        bordered[edge, 1:-1] = np.roll(image[inside], width // 2, axis=0)
+    half = width // 2
+    for edge in (0, -1):
+        bordered[edge, 1 : half + 1], bordered[edge, half + 1 : -1] = image[edge, half:], image[edge, :half]
     bordered[:, 0], bordered[:, -1] = bordered[:, -2], bordered[:, 1]
     return bordered.reshape(-1, channels)
 

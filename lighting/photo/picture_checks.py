@@ -84,7 +84,9 @@ def is_false_color(pixels: Pixels) -> bool:
     height, width = (side // step for side in pixels.shape[:2])
     if height * width < 4 * _PALETTE_PARTS:
         return False
-    rows = sum((pixels[i : height * step : step] for i in range(1, step)), pixels[: height * step : step].astype(np.uint16))
+    rows = sum(
+        (pixels[i : height * step : step] for i in range(1, step)), pixels[: height * step : step].astype(np.uint16)
+    )
     columns = rows[:, : width * step].reshape(-1, step, 3)
     first = columns[:, 0].astype(np.uint32)
     red, green, blue = (

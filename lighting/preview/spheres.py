@@ -16,6 +16,7 @@ What stands before the ground, as people and plants do, keeps its light.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,17 @@ from lighting.color import SRGB_LINEAR, luminance, srgb_bytes
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import is_in_shade, read_ground_shade, shadow_receivers
-from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, dot_product, ray_sphere, sample_latlong
+from lighting.geometry import (
+    Floats,
+    LatlongSampler,
+    Pinhole,
+    angles,
+    camera_axes,
+    direction,
+    dot_product,
+    ray_sphere,
+    sample_latlong,
+)
 from lighting.ground import object_radius
 from lighting.prediction import Segments
 from lighting.records import Lighting
@@ -92,6 +103,26 @@ class SphereScene:
     """(h, 2h, 3) of the diffuse sphere by all but the sun, by its normals."""
     exchange: tuple[Floats, ...]
     """(h, 2h, 3) of each sphere with the ground, by direction; empty before a bounce."""
+
+    @cached_property
+    def sample_sky(self) -> LatlongSampler:
+        """Of `sky`."""
+        return LatlongSampler(self.sky)
+
+    @cached_property
+    def sample_glossy_sky(self) -> LatlongSampler:
+        """Of `glossy_sky`."""
+        return LatlongSampler(self.glossy_sky)
+
+    @cached_property
+    def sample_diffuse_irradiance(self) -> LatlongSampler:
+        """Of `diffuse_irradiance`."""
+        return LatlongSampler(self.diffuse_irradiance)
+
+    @cached_property
+    def sample_exchange(self) -> list[LatlongSampler]:
+        """Of `exchange`."""
+        return list(map(LatlongSampler, self.exchange))
 
 
 # A picture of the scene.
@@ -355,15 +386,15 @@ def _trace(
     radiance[up] = _sky_radiance(rays[up], scene, disc_radius)
     radiance[ground] = _ground_along(starts[ground], rays[ground], scene)
     for kind in range(len(scene.centers)):
-        hit = np.flatnonzero(first == kind)
-        point = starts[hit] + rays[hit] * nearest[hit, None]
-        radiance[hit] = _shade_sphere(kind, point, rays[hit], scene, mirrored=leaving is not None)
+        if len(hit := np.flatnonzero(first == kind)):
+            point = starts[hit] + rays[hit] * nearest[hit, None]
+            radiance[hit] = _shade_sphere(kind, point, rays[hit], scene, mirrored=leaving is not None)
     return radiance
 
 
 def _sky_radiance(rays: Floats, scene: SphereScene, disc_radius: float | None) -> Floats:
     """The map along rays (N, 3), with a sharp disc that carries the sun's power."""
-    radiance = sample_latlong(scene.sky, rays).astype(rays.dtype)
+    radiance = scene.sample_sky(rays).astype(rays.dtype)
     if disc_radius is not None:
         cosine = np.cos(np.radians(disc_radius))
         hit = rays @ scene.sun_direction.astype(rays.dtype) > cosine
@@ -373,6 +404,8 @@ def _sky_radiance(rays: Floats, scene: SphereScene, disc_radius: float | None) -
 
 def _ground_along(origins: Floats, rays: Floats, scene: SphereScene) -> Floats:
     """Radiance (N, 3) of the ground that rays (N, 3) from origins (N, 3) go down to."""
+    if not len(rays):
+        return rays
     reach = (scene.centers[0, 1] - 1 - origins[:, 1]) / rays[:, 1]
     return _ground_radiance(origins + rays * reach[:, None], scene)
 
@@ -386,11 +419,13 @@ def _ground_radiance(points: Floats, scene: SphereScene) -> Floats:
     """
     sky, albedo = scene.ground_sky.astype(points.dtype), scene.albedo.astype(points.dtype)
     radiance = (scene.ground.astype(points.dtype) - sky) * _visible_sun_share(points, scene)[:, None] + sky
-    for center, exchange in zip(scene.centers, scene.exchange, strict=False):  # without an exchange before a bounce
+    for center, sample_exchange in zip(
+        scene.centers, scene.sample_exchange, strict=False
+    ):  # without an exchange before a bounce
         to_center = center - points
         distance2 = dot_product(to_center, to_center)
         share = 1 / (distance2 * np.sqrt(distance2))  # of a cosine-weighted hemisphere; the center is 1 up
-        radiance += albedo * share[:, None] * sample_latlong(exchange, to_center).astype(points.dtype)
+        radiance += albedo * share[:, None] * sample_exchange(to_center).astype(points.dtype)
     return np.maximum(radiance, 0)
 
 
@@ -436,20 +471,20 @@ def _shade_sphere(kind: int, points: Floats, rays: Floats, scene: SphereScene, *
         incoming = _blurred_surroundings(points, reflected, scene)
         return _shade_glossy(incoming, points, reflected, scene, kind, _MIRRORED_GLOSSINESS)
     if kind == GLOSSY:
-        incoming = sample_latlong(scene.glossy_sky, reflected) * _contact(normals)
+        incoming = scene.sample_glossy_sky(reflected) * _contact(normals)
         return _shade_glossy(incoming, points, reflected, scene, kind, GLOSSINESS)
     return MIRROR_REFLECTANCE * _trace(points, reflected, scene, kind, _MIRROR_SUN_RADIUS)
 
 
 def _blurred_surroundings(points: Floats, rays: Floats, scene: SphereScene) -> Floats:
     """Radiance (N, 3) of blurred sky, sharp ground and the diffuse sphere along rays (N, 3) from points (N, 3)."""
-    radiance = sample_latlong(scene.glossy_sky, rays).astype(rays.dtype)
+    radiance = scene.sample_glossy_sky(rays).astype(rays.dtype)
     down = rays[:, 1] < _LEVEL
     radiance[down] = _ground_along(points[down], rays[down], scene)
     distance = ray_sphere(points, rays, scene.centers[DIFFUSE])
-    hit = np.isfinite(distance)
-    hits = points[hit] + rays[hit] * distance[hit, None]
-    radiance[hit] = _shade_diffuse(hits, hits - scene.centers[DIFFUSE], scene)
+    if len(hit := np.flatnonzero(np.isfinite(distance))):
+        hits = points[hit] + rays[hit] * distance[hit, None]
+        radiance[hit] = _shade_diffuse(hits, hits - scene.centers[DIFFUSE], scene)
     return radiance
 
 
@@ -458,7 +493,7 @@ def _shade_diffuse(points: Floats, normals: Floats, scene: SphereScene) -> Float
     cosine = np.maximum(normals @ scene.sun_direction.astype(points.dtype), 0)
     lit = cosine * _visible_sun_share(points, scene, DIFFUSE)
     direct = lit[:, None] * scene.sun_irradiance.astype(points.dtype)
-    indirect = sample_latlong(scene.diffuse_irradiance, normals).astype(points.dtype)
+    indirect = scene.sample_diffuse_irradiance(normals).astype(points.dtype)
     return np.asarray(DIFFUSE_REFLECTANCE / np.pi * (direct + indirect))
 
 
