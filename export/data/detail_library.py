@@ -48,17 +48,16 @@ from lighting.prediction import photo_segments
 
 _LICENCE = "poly haven"  # in the field of a row whose panorama may ship
 _LEFT_OUT = (
-    *("mfecane_1189", "mfecane_1194", "mfecane_1195", "mfecane_1204", "mfecane_1213"),  # others show the same
+    *("mfecane_1189", "mfecane_1213"),  # others show the same
     *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
     "industrial_sunset_02",  # no detail but rows of plants
-    *("docklands_02_sceneview", "mfecane_1208", "mfecane_1211", "mfecane_1227"),  # one knows the place: crane, ruin
+    *("docklands_02_sceneview", "mfecane_1211", "mfecane_1227"),  # one knows the place: crane, ruin, domes
     "mfecane_1222",  # a wall so near that it fills half the map
-    "limpopo_golf_course",  # taken above a pit, whose rim lies all around
-    "mfecane_1229",  # a burning sky, which other colors make green
     *("mfecane_1186", "mfecane_1200", "mfecane_1210", "modern_buildings_2"),  # a roof, a pool, a pavilion
     "horn_koppe_snow",  # the lens's glare stands beside its sun
-    "syferfontein_6d_clear",  # gold stones before a low sun, which in other colors are of no place
 )
+_SATURATION = {"mfecane_1229": 0.3, "syferfontein_6d_clear": 0.4}  # of colors by a low sun
+_LAWN_DEG = {"limpopo_golf_course": (-30.0, -35.5)}  # elevations of a lawn that is reflected over the pit under it
 _KIND_OF = {  # the others are cities
     "waterfront": (
         *("mfecane_1172", "mfecane_1176", "mfecane_1225"),
@@ -71,8 +70,8 @@ _KIND_OF = {  # the others are cities
         *("rural_crossroads", "rural_landscape", "sunset_fairway", "wildflower_field"),
     ),
     "forest": ("mfecane_1167", "mfecane_1185", "mfecane_1209", "mfecane_1216", "mfecane_1224", "mossy_forest"),
-    "shore": ("mfecane_1180", "small_harbor_01", "sundowner_overlook"),
-    "desert": ("drakensberg_solitary_mountain", "kloofendal_overcast"),
+    "shore": ("limpopo_golf_course", "mfecane_1180", "mfecane_1229", "small_harbor_01", "sundowner_overlook"),
+    "desert": ("drakensberg_solitary_mountain", "kloofendal_overcast", "syferfontein_6d_clear"),
     "mountain": ("mfecane_1228",),
     "snow": ("snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01"),
 }
@@ -96,7 +95,7 @@ _GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, a
 _SKY_LUMINANCE = 0.3
 _VIEW_STEP, _VIEW_FOV = 30, 60.0  # deg between the views in which classes are looked for; deg, vertical
 _VIEW_SIZE = 384, 288  # of them, pixels
-_MOST_USED = 0.12  # share of photos for which a panorama is chosen
+_MOST_USED = 0.08  # share of photos for which a panorama is chosen
 _COST_STEP, _BALANCE_STEPS = 0.01, 5000
 _MAX_COST = 3.0  # less than that of a town in the country: kinds count more than that places differ
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
@@ -190,7 +189,19 @@ def _prepare(panorama: Panorama) -> NDArray[np.float32]:
     linear = np.clip(linear, 0, 1)
     if panorama.sun == "visible" and panorama.sun_azimuth is not None and panorama.sun_elevation is not None:
         _remove_glare(linear, direction(panorama.sun_azimuth, panorama.sun_elevation))
+    if panorama.name in _SATURATION:
+        gray = luminance(linear)[..., None]
+        linear = np.asarray(gray + np.float32(_SATURATION[panorama.name]) * (linear - gray), dtype=np.float32)
+    if panorama.name in _LAWN_DEG:
+        _continue_lawn(linear, *_LAWN_DEG[panorama.name])
     return linear
+
+
+def _continue_lawn(linear: NDArray[np.float32], top: float, bottom: float) -> None:
+    """Reflect the lawn between two elevations [deg] to and fro over all that is under it."""
+    first, end = (round((90 - deg) / 180 * len(linear)) for deg in (top, bottom))
+    below = np.arange(len(linear) - end) % (2 * (end - first))
+    linear[end:] = linear[np.where(below < end - first, end - 1 - below, 2 * first - end + below)]
 
 
 def _remove_glare(linear: NDArray[np.float32], sun: NDArray[np.floating]) -> None:
