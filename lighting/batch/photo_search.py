@@ -39,6 +39,7 @@ _OTHER_SUFFIXES = (  # of pictures that are no photos or that nothing here is kn
     ".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".wmv", ".3gp", ".3g2", ".mts", ".m2ts", ".mpg", ".mpeg", ".flv",
     ".insv", ".360", ".lrv", ".lrf", ".livp",
 )  # fmt: skip
+_PREVIEW_ENDING = "-preview.png"  # of the names that previews of photos have
 IN_CACHES = "in caches"  # the reason of pictures that programs made of others, or that a user threw away
 _CACHE_NAMES = {  # of folders, in small letters
     "@eadir", "@tmp", "#recycle", "#snapshot", "@recycle", "@recently-snapshot", "@transcode",  # of Synology and QNAP
@@ -81,9 +82,9 @@ def find_photos(pattern: str) -> tuple[str, list[str]]:
 
 
 def count_skipped(pattern: str) -> Counter[str]:
-    """Count the pictures and clips that are not taken: by suffix, and those in caches.
+    """Count the pictures and clips that are not taken: by suffix, previews, and those in caches.
 
-    A batch's own maps are none of them. Of a glob, which says what is wanted, those in caches count alone.
+    A batch's own maps are none of them. Of a glob, which says what is wanted, the last two count alone.
 
     Args:
         pattern: a folder or a glob.
@@ -94,19 +95,24 @@ def count_skipped(pattern: str) -> Counter[str]:
         known = name.lower().endswith((*PHOTO_SUFFIXES, *_OTHER_SUFFIXES)) and not _is_own_output(name)
         if known and _is_in_cache(PurePath(name).parts[:-1], pattern):
             skipped[IN_CACHES] += 1
+        elif known and name.lower().endswith(_PREVIEW_ENDING):
+            skipped["named as previews"] += 1
         elif known and folder and not name.lower().endswith(PHOTO_SUFFIXES):
             skipped[PurePath(name).suffix.lower()] += 1
     return skipped
 
 
 def is_set_aside(name: str, pattern: str) -> bool:
-    """Tell whether a file is never a photo, by its name: a batch's own, or in a cache that the pattern does not name.
+    """Tell whether a file is never a photo, by its name: a batch's own, a preview, or in a cache.
+
+    A cache that the pattern names is none.
 
     Args:
         name: of a file, relative to the batch's folder.
         pattern: a folder, its URI or a glob.
     """
-    return _is_own_output(name) or _is_in_cache(PurePath(name).parts[:-1], pattern)
+    own = _is_own_output(name) or name.lower().endswith(_PREVIEW_ENDING)
+    return own or _is_in_cache(PurePath(name).parts[:-1], pattern)
 
 
 def format_counts(counts: Counter[str]) -> str:

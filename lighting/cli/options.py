@@ -375,8 +375,9 @@ def _make_view(names: Sequence[str], without_detail: str, max_height: int, value
                 raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
             if others[-1] is not None:
                 raise click.UsageError("--pick chooses a sun, and --no-sun leaves it out: choose one.")
-        fields_of["sun"] = True if sun is not None else fields_of["sun"]
-        fields_of["adjustments"] = Adjustments(sun, *others)
+        adjustments = fields_of["adjustments"] = Adjustments(sun, *others)
+        if sun is not None and not adjustments.overcast:
+            fields_of["sun"] = True
     if "height" in names:
         check_height(fields_of["height"], max_height)
     return MapOptions(**fields_of)

@@ -35,6 +35,7 @@ _MAX_CORNER = 20.0  # deg by which that angle may be off a right one by the pixe
 _MAX_SKEW = 5.0  # deg by which a line may be off the common direction of parallel ones
 _MAX_LEAN = 30.0  # deg from the camera's vertical, of an upright line by the pixels' camera
 _MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
+_FARTHEST_HORIZON = 1.5  # longer sides of the picture from its middle; half a side is its edge
 _STEPS, _MAX_STEP = 20, np.array([15.0, 15.0, 0.5, 0.1, 0.1])  # of Gauss and Newton
 _DIFFERENCE = 1e-4  # of numerical derivatives
 
@@ -48,11 +49,15 @@ def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinh
         lens_known: whether its field of view is known, and stays.
 
     Raises:
-        ParameterError: a line that is said to be upright lies flat, or lines that are said to be parallel are not.
+        ParameterError: a horizon far outside the picture, a line that is said to be upright and lies flat, or lines that
+            are said to be parallel and are not.
     """
     if drawn.known is not None:
         known = drawn.known
         return replace(camera, elevation=known.elevation, roll=known.roll, vertical_fov=known.vertical_fov)
+    if drawn.horizon is not None and _distance_from_middle(camera, drawn.horizon) > _FARTHEST_HORIZON:
+        sentence = "The horizon lies far outside the photo; leave it out where the photo does not show it."
+        raise ParameterError(sentence, "horizon", ErrorCode.OUT_OF_RANGE)
     if any(abs(_lean(camera, line)) > _MAX_LEAN for line in drawn.verticals):
         sentence = "A line that is said to be upright lies flat in the photo; draw along a wall's edge or a post."
         raise ParameterError(sentence, "verticals", ErrorCode.CONTRADICTION)
@@ -71,6 +76,12 @@ def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinh
     if any(shift):
         fitted = _look_at_middle(fitted, shift)
     return replace(fitted, vertical_fov=camera.vertical_fov) if lens_known else fitted
+
+
+def _distance_from_middle(camera: Pinhole, line: Line) -> float:
+    """How far the picture's middle is from a line, in longer sides of the picture."""
+    x, y, right, down = line[0] - camera.width / 2, line[1] - camera.height / 2, line[2] - line[0], line[3] - line[1]
+    return abs(right * y - down * x) / math.hypot(right, down) / max(camera.width, camera.height)
 
 
 def _least_squares(

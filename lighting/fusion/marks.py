@@ -16,6 +16,7 @@ Line = tuple[float, float, float, float]
 
 _MIN_LINE_LENGTH = 10.0  # pixels
 _MIN_SHADOW_LENGTH = 3.0  # pixels
+_LINES = {"horizon": "The horizon", "verticals": "A wall's edge", "reference": "The thing of known size"}  # by field
 
 
 @dataclass(frozen=True)
@@ -171,7 +172,10 @@ def check_line(line: object, field: str) -> None:
         sentence = "A line is four numbers: x and y of its two ends, in pixels."
         raise ParameterError(sentence, field, ErrorCode.WRONG_TYPE)
     if math.dist(line[:2], line[2:]) < _MIN_LINE_LENGTH:
-        sentence = f"A line is shorter than {_MIN_LINE_LENGTH:.0f} pixels; draw a longer one."
+        sentence = f"{_LINES.get(field, 'A line')} is shorter than {_MIN_LINE_LENGTH:.0f} pixels; draw a longer one."
+        raise ParameterError(sentence, field, ErrorCode.OUT_OF_RANGE)
+    if field == "horizon" and abs(line[3] - line[1]) > abs(line[2] - line[0]):
+        sentence = "The horizon is steeper than 45°; draw it from side to side of the upright photo."
         raise ParameterError(sentence, field, ErrorCode.OUT_OF_RANGE)
 
 

@@ -109,6 +109,12 @@ def test_maps_beside_their_photos_are_not_told_as_skipped(tmp_path: Path) -> Non
     assert count_skipped(str(tmp_path)) == {".exr": 1}
 
 
+def test_a_preview_beside_its_photo_is_no_photo(photos: Path) -> None:
+    (photos / "a-preview.png").touch()
+    assert "a-preview.png" not in find_photos(str(photos))[1]
+    assert count_skipped(str(photos)) == {"named as previews": 1}
+
+
 def test_photos_have_less_common_names_too(tmp_path: Path) -> None:
     names = [f"a.{suffix}" for suffix in ("hif", "jfif", "jpe", "mpo", "nrw", "rwl", "x3f")]
     for name in names:

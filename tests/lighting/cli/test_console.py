@@ -297,6 +297,7 @@ def test_the_network_is_gone_before_the_next_one_is_loaded(monkeypatch: pytest.M
         (["--exposure", "+1ev"], Adjustments(exposure=1.0)),
         (["--haze", "8"], Adjustments(haze=8.0)),
         (["--overcast"], Adjustments(overcast=True)),
+        (["--overcast", "--sun", "40,25"], Adjustments(overcast=True, sun=(40.0, 25.0))),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

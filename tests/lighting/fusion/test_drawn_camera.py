@@ -120,6 +120,17 @@ def test_level_lines_that_do_not_meet_are_no_parallel_ones() -> None:
     assert caught.value.field == "verticals"
 
 
+@pytest.mark.parametrize(("rows", "refused"), [(-600.0, False), (-1500.0, True), (1e9, True)])
+def test_a_horizon_far_outside_the_photo_is_refused(rows: float, refused: bool) -> None:
+    drawn = DrawnCamera((0.0, rows, 1200.0, rows))
+    if not refused:
+        assert fit_camera(GUESS, drawn, lens_known=True).elevation < GUESS.elevation - 20
+        return
+    with pytest.raises(ParameterError, match="far outside the photo") as caught:
+        fit_camera(GUESS, drawn, lens_known=True)
+    assert caught.value.field == "horizon"
+
+
 def test_a_short_line_counts_less_than_a_long_one() -> None:
     short = (*pixel(direction(0.0, -1.0)), *pixel(direction(0.0, 0.0)))
     rolls = [fit_camera(GUESS, DrawnCamera(verticals=(ln,)), lens_known=True).roll for ln in (short, vertical(0.0))]
@@ -181,6 +192,7 @@ def test_lines_and_references_are_read() -> None:
     [
         {"horizon": (1.0, 2.0, 3.0)},
         {"horizon": (1.0, 2.0, 3.0, 4.0)},
+        {"horizon": (100.0, 100.0, 100.0, 400.0)},
         {"verticals": [(0.0, 0.0, 0.0, math.inf)]},
         {"verticals": [LevelLines(((0.0, 0.0, 200.0, 0.0),))]},
         {"verticals": ["level:0,0,200,0,5,5,6,6"]},
