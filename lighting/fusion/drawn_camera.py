@@ -49,8 +49,8 @@ def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinh
         lens_known: whether its field of view is known, and stays.
 
     Raises:
-        ParameterError: a horizon far outside the picture, a line that is said to be upright and lies flat, or lines that
-            are said to be parallel and are not.
+        ParameterError: a horizon far outside the picture, a line that is said to be upright and lies flat, or lines
+            that are said to be parallel and are not.
     """
     if drawn.known is not None:
         known = drawn.known
