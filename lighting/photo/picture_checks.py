@@ -206,7 +206,7 @@ def _ends(side: int) -> tuple[slice, slice]:
 def _are_stereo_pair(first: Floats, second: Floats) -> bool:
     """Whether two pictures show the same, in their middle as well, where no perforation of a film does so."""
     middle = slice(len(first) // 4, len(first) - len(first) // 4)
-    pairs = (first, second), (first[middle], second[middle])
+    pairs = (first[middle], second[middle]), (first, second)  # the smaller first, at which most end
     return all(_stereo_correlation(*pair) >= _STEREO_CORRELATION for pair in pairs)
 
 
