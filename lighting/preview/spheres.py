@@ -374,7 +374,7 @@ def _trace(
 
     The sun's disc has that radius [deg], or is left out.
     """
-    radiance, starts = np.empty_like(rays), np.broadcast_to(origin, rays.shape)
+    radiance = np.empty_like(rays)
     nearest, first = np.full(len(rays), np.inf, dtype=rays.dtype), np.full(len(rays), len(scene.centers))
     for kind, center in enumerate(scene.centers):
         if kind != leaving:
@@ -383,13 +383,19 @@ def _trace(
             np.minimum(nearest, distance, out=nearest)
     free, down = first == len(scene.centers), rays[:, 1] < _LEVEL
     up, ground = np.flatnonzero(free & ~down), np.flatnonzero(free & down)
-    radiance[up] = _sky_radiance(rays[up], scene, disc_radius)
-    radiance[ground] = _ground_along(starts[ground], rays[ground], scene)
+    radiance[up] = _sky_radiance(rays.take(up, axis=0), scene, disc_radius)
+    radiance[ground] = _ground_along(_rows(origin, ground), rays.take(ground, axis=0), scene)
     for kind in range(len(scene.centers)):
         if len(hit := np.flatnonzero(first == kind)):
-            point = starts[hit] + rays[hit] * nearest[hit, None]
-            radiance[hit] = _shade_sphere(kind, point, rays[hit], scene, mirrored=leaving is not None)
+            along = rays.take(hit, axis=0)
+            point = _rows(origin, hit) + along * nearest.take(hit)[:, None]
+            radiance[hit] = _shade_sphere(kind, point, along, scene, mirrored=leaving is not None)
     return radiance
+
+
+def _rows(origin: Floats, chosen: NDArray[np.intp]) -> Floats:
+    """The origins (M, 3) of chosen rays (M,): `origin` (3,) of all, or (N, 3)."""
+    return np.broadcast_to(origin, (len(chosen), 3)) if origin.ndim == 1 else origin.take(chosen, axis=0)
 
 
 def _sky_radiance(rays: Floats, scene: SphereScene, disc_radius: float | None) -> Floats:
