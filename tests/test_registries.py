@@ -8,10 +8,12 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
+from lighting.cli import cli
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
 from lighting.model import Model
@@ -34,6 +36,9 @@ EXPORTERS["toy"], SKY_MODELS["eastern"] = TOY, EASTERN
 
 @pytest.fixture(autouse=True)
 def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    context = click.Context(cli)
+    for name in cli.list_commands(context):  # their help says what there was at import, and stays for other tests
+        cli.get_command(context, name)
     monkeypatch.setitem(SKY_MODELS, "eastern", EASTERN)
     monkeypatch.setitem(EXPORTERS, "toy", TOY)
 
