@@ -1,7 +1,7 @@
 """Options of environment maps: MapOptions, what adjusts a light by hand, and what people read of each.
 
-The command line, HTTP, batches and Python take their options from here: a field is an option everywhere. Its metadata
-say what it means, in which unit and range. Nothing here needs numpy: the command line's help reads it, too.
+The command line, HTTP, batches and Python take their options from here. A field's metadata say what it means, in which
+unit and range. Nothing here needs numpy: the command line's help reads it, too.
 """
 
 import reprlib

@@ -80,7 +80,10 @@ def exif(camera: dict[int, Any] | None = None, position: dict[int, Any] | None =
 
 
 def munich(**other: Any) -> Image.Exif:
-    """What a phone notes on a June morning in Munich, the sun 36 deg high in the east; None leaves a tag out."""
+    """What a phone notes on a June morning in Munich, the sun 36 deg high in the east; None leaves a tag out.
+
+    Others are tags of the camera's and the GPS directory; `Make` and its like belong to the main one.
+    """
     base, gps = ExifTags.Base, ExifTags.GPS
     camera = {"DateTimeOriginal": "2024:06:01 09:10:00", "OffsetTimeOriginal": "+02:00", "FocalLengthIn35mmFilm": 26}
     position = {

@@ -15,7 +15,7 @@ from typing import Any
 from PIL import ExifTags
 
 from lighting.geometry import zoomed_fov
-from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, Tags, read_number, read_text, read_xmp_number
+from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, Tags, read_make, read_number, read_xmp_number
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, to which 35 mm equivalents refer
 
@@ -169,15 +169,9 @@ def _first(value: object) -> Any:
 def _digital_zooms(main: Tags, camera: Tags, xmp: Mapping[str, str]) -> tuple[float, ...]:
     """By how much the 35 mm value may be too short: Apple's holds the digital zoom, others' do or do not."""
     zoom = _positive(camera, xmp, ExifTags.Base.DigitalZoomRatio, "DigitalZoomRatio") or 1.0
-    if zoom < _MIN_ZOOM or _make(main) == "apple":
+    if zoom < _MIN_ZOOM or read_make(main) == "apple":
         return (1.0,)
     return (1.0, zoom)
-
-
-def _make(main: Tags) -> str:
-    with suppress(*TAG_ERRORS):
-        return read_text(main[ExifTags.Base.Make]).lower()
-    return ""
 
 
 # What a crop left of the frame.
@@ -303,4 +297,4 @@ def _panorama_view(xmp: Mapping[str, str]) -> tuple[float, float] | None:
 
 
 def _is_apple_panorama(main: Tags, camera: Tags) -> bool:
-    return _make(main) == "apple" and camera.get(ExifTags.Base.CustomRendered) == _APPLE_PANORAMA
+    return read_make(main) == "apple" and camera.get(ExifTags.Base.CustomRendered) == _APPLE_PANORAMA

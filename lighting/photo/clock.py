@@ -21,6 +21,7 @@ from lighting.photo.tags import (
     TAG_ERRORS,
     IptcRecords,
     Tags,
+    read_make,
     read_number,
     read_text,
     read_xmp_number,
@@ -264,8 +265,8 @@ def _late_stamps(tags: Tags) -> Iterator[Stamp]:
 def _was_edited(tags: Tags, xmp: Mapping[str, str]) -> bool:
     """Whether a program wrote the file, and not the camera, whose software is a version or its own name."""
     base = ExifTags.Base
-    software, make, model = (_text(tags, tag) for tag in (base.Software, base.Make, base.Model))
-    names = [name.lower() for name in (make, model) if name]
+    software, model = (_text(tags, tag) for tag in (base.Software, base.Model))
+    names = [name for name in (read_make(tags), model.lower()) if name]
     of_camera = bool(re.fullmatch(_FIRMWARE, software)) or any(software.lower().startswith(name) for name in names)
     by_camera = not software or (bool(names) and of_camera)
     return not by_camera or any(xmp.get(name, software) != software for name in _XMP_SOFTWARE)

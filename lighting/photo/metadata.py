@@ -23,7 +23,16 @@ from lighting.geometry import wrap_azimuth
 from lighting.photo.camera import PhotoFrame, read_lens
 from lighting.photo.clock import read_clock, read_gps_time
 from lighting.photo.imu import DJI_NAMESPACE, read_pose
-from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, PhotoTags, Tags, read_number, read_text, read_xmp_number
+from lighting.photo.tags import (
+    EXIF_NAMESPACE,
+    TAG_ERRORS,
+    PhotoTags,
+    Tags,
+    read_make,
+    read_number,
+    read_text,
+    read_xmp_number,
+)
 
 Locations = tuple[tuple[float, float], ...]  # latitudes and longitudes, deg, positive north and east
 
@@ -229,6 +238,8 @@ class PhotoMetadata:
     """Deg, 1 to 170, less likely than `vertical_fov`: the file leaves open what was cropped."""
     is_lens_consistent: bool = True
     """Whether the file says of the lens more than a 35 mm value alone, in agreement."""
+    camera_make: str | None = None
+    """Who made the camera, in small letters, such as "apple"."""
     is_panorama: bool = False
     """Whether the file says that several frames make the picture."""
     is_thermal: bool = False
@@ -279,6 +290,7 @@ def read_metadata(
         vertical_fov=lens.vertical_fovs[0] if lens.vertical_fovs else None,
         other_vertical_fovs=lens.vertical_fovs[1:],
         is_lens_consistent=lens.is_consistent or not lens.vertical_fovs,
+        camera_make=read_make(tags.main) or None,
         is_panorama=lens.is_panorama,
         is_thermal=tags.has_temperatures or _is_thermal(xmp),
         exposure_value=exposure_value,

@@ -248,6 +248,17 @@ def read_xmp_number(text: str) -> float:
     return read_number(numerator) / (read_number(denominator) if denominator else 1.0)
 
 
+def read_make(main: Tags) -> str:
+    """Who made the camera, in small letters, such as "apple"; "" where the file does not say.
+
+    Args:
+        main: tags of EXIF's main directory.
+    """
+    with suppress(*TAG_ERRORS):
+        return read_text(main[ExifTags.Base.Make]).lower()
+    return ""
+
+
 def read_text(value: object) -> str:
     """The text in a tag's value, without blanks and NULs at its ends.
 

@@ -22,6 +22,7 @@ METADATA += [
     "gravity_source",
     "gravity_spread",
     "exposure_value",
+    "camera_make",
     "camera_height",
     "utc_time",
     "time_source",

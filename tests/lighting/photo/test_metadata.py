@@ -47,6 +47,14 @@ def heading_of(gps: Mapping[int, object], xmp: Mapping[str, str]) -> tuple[float
     return metadata.heading, metadata.heading_reference
 
 
+@pytest.mark.parametrize(("make", "said"), [("Apple\0", "apple"), (" DJI ", "dji"), ("", None), (None, None)])
+def test_who_made_the_camera_is_told_in_small_letters(make: str | None, said: str | None) -> None:
+    block = munich()
+    if make is not None:
+        block[BASE.Make] = make
+    assert metadata_of(block).camera_make == said
+
+
 @pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP", "HEIF"])
 def test_what_a_phone_notes(file_format: str) -> None:
     metadata = metadata_of(munich(), file_format=file_format)
