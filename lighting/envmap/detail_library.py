@@ -66,7 +66,7 @@ _AROUND_WEIGHTS = (12.0, 6.0, 6.0, 12.0, 6.0)  # cost of squared differences fro
 _WIDE_CELLS = 36, 45, 36  # cells of the band, of water's rows and of those above that a photo shows to count in full
 _GROUND = slice(13, 20)  # rows of cells 7 to 60 deg below the horizon
 # Of squares of what differs: its logarithms of green over red and blue, and of red over blue; its autumn.
-_GROUND_WEIGHTS = (8.0, 0.7, 4.0)
+_GROUND_WEIGHTS = (16.0, 1.4, 4.0)
 _TINTS_WEIGHT = 5.0  # of tints that the place has and the photo has not
 _LEAVES_WEIGHT = 8.0  # of squares of autumn, where there are plants
 _CLOUDS = slice(3, 10)  # rows of cells 15 to 67 deg above the horizon
