@@ -323,6 +323,13 @@ def test_a_photo_and_its_scene_are_adjusted_alike(
     assert (stored.sun_azimuth, stored.exposure) == (40.0, light.exposure)
 
 
+def test_a_sun_that_the_answer_does_not_list_is_named_by_its_option(tmp_path: Path) -> None:
+    sure = Path(__file__).parents[3] / "examples" / "wide_street.jpg"
+    result = invoke_command("envmap", sure, "--pick", "3", "-o", tmp_path / "a.exr", *SMALL)
+    assert error_of(result).startswith("--pick is 3, and the answer lists ")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("arguments", [["--sun"], ["--sun", "a.jpg"], ["--sun", "--no-sun"], ["--sun", "40"]])
 @pytest.mark.parametrize("command", [["envmap", "a.jpg"], ["batch", "in", "out", "--envmap"]])
 def test_sun_without_a_direction_says_what_it_is_now(command: list[str], arguments: list[str]) -> None:
