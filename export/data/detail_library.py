@@ -200,8 +200,8 @@ def _prepare(panorama: Panorama) -> NDArray[np.float32]:
 def _continue_lawn(linear: NDArray[np.float32], top: float, bottom: float) -> None:
     """Reflect the lawn between two elevations [deg] to and fro over all that is under it."""
     first, end = (round((90 - deg) / 180 * len(linear)) for deg in (top, bottom))
-    below = np.arange(len(linear) - end) % (2 * (end - first))
-    linear[end:] = linear[np.where(below < end - first, end - 1 - below, 2 * first - end + below)]
+    whole = np.pad(linear[first:end], ((0, len(linear) - end), (0, 0), (0, 0)), mode="symmetric")
+    linear[end:] = whole[end - first :]
 
 
 def _remove_glare(linear: NDArray[np.float32], sun: NDArray[np.floating]) -> None:

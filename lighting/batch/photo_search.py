@@ -18,7 +18,7 @@ from typing import Any
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE
 from lighting.errors import BatchError, LightingError
 from lighting.fields import option_name
-from lighting.files import MAP_FORMATS
+from lighting.files import MAP_FORMATS, PREVIEW_ENDING
 from lighting.fusion.fspy import read_fspy
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.map_options import Adjustments
@@ -39,7 +39,6 @@ _OTHER_SUFFIXES = (  # of pictures that are no photos or that nothing here is kn
     ".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".wmv", ".3gp", ".3g2", ".mts", ".m2ts", ".mpg", ".mpeg", ".flv",
     ".insv", ".360", ".lrv", ".lrf", ".livp",
 )  # fmt: skip
-_PREVIEW_ENDING = "-preview.png"  # of the names that previews of photos have
 IN_CACHES = "in caches"  # the reason of pictures that programs made of others, or that a user threw away
 _CACHE_NAMES = {  # of folders, in small letters
     "@eadir", "@tmp", "#recycle", "#snapshot", "@recycle", "@recently-snapshot", "@transcode",  # of Synology and QNAP
@@ -95,7 +94,7 @@ def count_skipped(pattern: str) -> Counter[str]:
         known = name.lower().endswith((*PHOTO_SUFFIXES, *_OTHER_SUFFIXES)) and not _is_own_output(name)
         if known and _is_in_cache(PurePath(name).parts[:-1], pattern):
             skipped[IN_CACHES] += 1
-        elif known and name.lower().endswith(_PREVIEW_ENDING):
+        elif known and _is_preview(name, pattern):
             skipped["named as previews"] += 1
         elif known and folder and not name.lower().endswith(PHOTO_SUFFIXES):
             skipped[PurePath(name).suffix.lower()] += 1
@@ -105,13 +104,13 @@ def count_skipped(pattern: str) -> Counter[str]:
 def is_set_aside(name: str, pattern: str) -> bool:
     """Tell whether a file is never a photo, by its name: a batch's own, a preview, or in a cache.
 
-    A cache that the pattern names is none.
+    A cache or previews that the pattern names are none.
 
     Args:
         name: of a file, relative to the batch's folder.
         pattern: a folder, its URI or a glob.
     """
-    own = _is_own_output(name) or name.lower().endswith(_PREVIEW_ENDING)
+    own = _is_own_output(name) or _is_preview(name, pattern)
     return own or _is_in_cache(PurePath(name).parts[:-1], pattern)
 
 
@@ -132,6 +131,11 @@ def _is_own_output(name: str) -> bool:
         return True
     photo, _, suffix = name.rpartition(".")
     return suffix in MAP_FORMATS and MAP_FORMATS[suffix].read is not None and photo.lower().endswith(PHOTO_SUFFIXES)
+
+
+def _is_preview(name: str, pattern: str) -> bool:
+    """Whether a file is named as a photo's preview, unless the pattern names previews itself."""
+    return name.lower().endswith(PREVIEW_ENDING) and not pattern.lower().endswith(PREVIEW_ENDING)
 
 
 def _is_in_cache(folders: Sequence[str], pattern: str) -> bool:

@@ -120,6 +120,22 @@ class Command(_Helped):
             raise click.UsageError(f"`{ctx.command_path}` {needs}; {extra[0]!r} is too much.{hint}", ctx)
         return extra
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; an error about one of its options names it as the user typed it.
+
+        Args:
+            ctx: of click.
+        """
+        try:
+            return super().invoke(ctx)
+        except LightingError as error:
+            from lighting.cli.options import with_option_name
+
+            told = with_option_name(ctx, error)
+            if told is error:
+                raise
+            raise told from error
+
     def option_sections(self, ctx: click.Context) -> dict[str, list[tuple[str, str]]]:
         """What the help shows of the options, names and meaning, by the title of their section.
 

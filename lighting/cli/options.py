@@ -208,6 +208,19 @@ def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
         raise click.UsageError(str(error.renamed(option_name))) from error
 
 
+def with_option_name(ctx: click.Context, error: Exception) -> Exception:
+    """Return an error with an option of the running command in place of the field that it is about.
+
+    Args:
+        ctx: of the command.
+        error: of any kind; one about no option stays as it is.
+    """
+    options = {name for param in ctx.command.params for name in param.opts}
+    if isinstance(error, LightingError) and error.field and option_name(error.field) in options:
+        return error.renamed(option_name)
+    return error
+
+
 def record_options(name: str, make: Callable[[dict[str, Any]], object], *options: Decorator) -> Decorator:
     """Return a decorator that gives a command options, in the order of its help, and what is made of their values.
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 
 from lighting.cli.console import check_photo_file, check_there, escape_control_chars, escape_path
-from lighting.files import MAP_FILE_SUFFIXES, MAP_FORMATS, join_words, write_file
+from lighting.files import MAP_FILE_SUFFIXES, MAP_FORMATS, PREVIEW_ENDING, join_words, write_file
 
 RECORD_SUFFIXES = (".json", ".jsonl")
 _HINT = "'-o' / '--output'"  # how click names the option in an error
@@ -51,7 +51,7 @@ class OutputKind:
 
 _MAP_SUFFIXES = tuple(f".{name}" for name in MAP_FORMATS)
 MAPS = OutputKind(".exr", _MAP_SUFFIXES, join_words(_MAP_SUFFIXES))
-PREVIEWS = OutputKind("-preview.png", (".png",), ".png")
+PREVIEWS = OutputKind(PREVIEW_ENDING, (".png",), ".png")
 
 
 def check_stdin(photos: Sequence[str]) -> None:

@@ -22,6 +22,7 @@ from lighting.cli.options import (
     require_option,
     silent_option,
     strict_option,
+    with_option_name,
 )
 from lighting.errors import LightingError, ParameterError
 from lighting.fields import option_name
@@ -294,25 +295,16 @@ def process_photos(
                     raise
                 if chosen.as_json:
                     click.echo(console.format_json_error(name, error))
-                told = _with_option_name(ctx, error)
                 if len(chosen.photos) == 1 or ctx.find_root().params["debug"]:
-                    raise told from error
+                    raise
                 failed += 1
-                console.report_failure(name, told, progress)
+                console.report_failure(name, with_option_name(ctx, error), progress)
                 continue
             lights.append(answer.lighting)
     if failed:
         click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
     outputs.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
     ctx.exit(1 if failed else lights_status(lights, chosen.strict, chosen.require))
-
-
-def _with_option_name(ctx: click.Context, error: LightingError | OSError) -> LightingError | OSError:
-    """The error, with an option of the command in place of the field that it is about."""
-    options = {name for param in ctx.command.params for name in param.opts}
-    if isinstance(error, LightingError) and error.field and option_name(error.field) in options:
-        return error.renamed(option_name)
-    return error
 
 
 def _photo_estimator(chosen: PhotoOptions, meanwhile: Callable[[], object]) -> "Callable[[str], Estimate]":

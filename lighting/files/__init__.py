@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from lighting.records import Lighting, LightProbe
 
 CLIP_SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp")
+PREVIEW_ENDING = "-preview.png"  # of a preview's name, behind its photo's without the suffix
 MAP_FILE_SUFFIXES = (".exr", ".hdr")  # of maps, and never of photos; systems have no program for them
 _HEAD_BYTES = 1 << 16  # of a file
 _EXR_MAGIC, _RECORD_MARK, _PROGRAM_MARK = b"\x76\x2f\x31\x01", b"lighting.json", b"outdoor-lighting"

@@ -113,6 +113,7 @@ def test_a_preview_beside_its_photo_is_no_photo(photos: Path) -> None:
     (photos / "a-preview.png").touch()
     assert "a-preview.png" not in find_photos(str(photos))[1]
     assert count_skipped(str(photos)) == {"named as previews": 1}
+    assert find_photos(f"{photos}/*-preview.png")[1] == ["a-preview.png"]
 
 
 def test_photos_have_less_common_names_too(tmp_path: Path) -> None:

@@ -330,6 +330,11 @@ def test_a_sun_that_the_answer_does_not_list_is_named_by_its_option(tmp_path: Pa
     assert not list(tmp_path.iterdir())
 
 
+def test_an_error_of_any_command_names_the_option(record_path: Path, tmp_path: Path) -> None:
+    result = invoke_command("render", record_path, "--pick", "2", "-o", tmp_path / "a.exr", *SMALL)
+    assert error_of(result) == "--pick is 2, and the answer lists no suns."
+
+
 @pytest.mark.parametrize("arguments", [["--sun"], ["--sun", "a.jpg"], ["--sun", "--no-sun"], ["--sun", "40"]])
 @pytest.mark.parametrize("command", [["envmap", "a.jpg"], ["batch", "in", "out", "--envmap"]])
 def test_sun_without_a_direction_says_what_it_is_now(command: list[str], arguments: list[str]) -> None:
