@@ -3,6 +3,7 @@
 import importlib
 import json
 import os
+import socket
 import sys
 import time
 import urllib.request
@@ -19,7 +20,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # Ray an
 
 ROOT = Path(__file__).parents[2]
 PHOTO = ROOT / "examples" / "wide_street.jpg"
-URL = "http://127.0.0.1:8642"
+with socket.create_server(("127.0.0.1", 0)) as free:
+    PORT = free.getsockname()[1]
+URL = f"http://127.0.0.1:{PORT}"
 PATIENCE = 120  # s, on a machine whose processors are busy
 
 
@@ -35,7 +38,7 @@ def service() -> Iterator[str]:
     cluster = Cluster(initialize_head=True, head_node_args=head)
     cluster.add_node(num_cpus=1, object_store_memory=200_000_000)
     ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
-    serve.start(http_options={"port": 8642})
+    serve.start(http_options={"port": PORT})
     serve.run(importlib.import_module("ray_serve").app)
     wait_until_routed()
     yield URL

@@ -103,6 +103,8 @@ class Server:
 
 
 def environment(**settings: object) -> dict[str, str]:
+    """The variables of a service with some settings, on a port of its own where none is said: others run beside it."""
+    settings = {"port": 0, **settings}
     outside = {name: value for name, value in os.environ.items() if not name.startswith(PREFIX)}
     return outside | {f"{PREFIX}{name.upper()}": str(value) for name, value in settings.items()}
 
@@ -120,7 +122,7 @@ def started(
 
     `first` is what its process runs before, in Python.
     """
-    given = environment(**{"port": 0, "model": network, **settings})
+    given = environment(**{"model": network, **settings})
     command = [sys.executable, "-m", "server"]
     command = (
         [sys.executable, "-c", f"{first}; from server.__main__ import run_server; run_server()"] if first else command

@@ -329,7 +329,7 @@ def test_help_lists_every_setting_with_its_default() -> None:
         ({"cors_origins": "example.org"}, "LIGHTING_CORS_ORIGINS: example.org is not an origin"),
         ({"trusted_proxies": "proxy"}, "LIGHTING_TRUSTED_PROXIES: proxy is not an IP address"),
         ({"host": "no host"}, "LIGHTING_HOST: no host is no address to listen on: "),
-        ({"host": "192.0.2.1"}, "LIGHTING_HOST: 192.0.2.1:8000 cannot be listened on: Cannot assign"),
+        ({"host": "192.0.2.1"}, "LIGHTING_HOST: 192.0.2.1:0 cannot be listened on: Cannot assign"),
         ({"api_key": "secret"}, "LIGHTING_API_KEY is no setting; did you mean LIGHTING_API_KEYS?"),
         ({"api_keys_file": "/nowhere/keys"}, "LIGHTING_API_KEYS_FILE: /nowhere/keys cannot be read: No such file"),
     ],
