@@ -310,7 +310,6 @@ async def _estimate_scene(
 async def _describe_model(request: Request, service: ServiceDep) -> Response:
     """Its name, licence, grid and accuracy, whether photos are matched, and what this service can make."""
     spec = service.estimator.model.spec
-    names = {"scene_tools": list(EXPORTERS), "sky_models": list(SKY_MODELS), "map_formats": list(MAP_FORMATS)}
     card = ModelCard(
         name=spec.name,
         version=spec.version,
@@ -319,7 +318,10 @@ async def _describe_model(request: Request, service: ServiceDep) -> Response:
         accuracy=_read_accuracy(spec, service.model_folder),
         matching=features.has_opencv(),
         jobs=service.jobs is not None,
-        **names,
+        scene_tools=list(EXPORTERS),
+        scene_labels={tool: entry.label for tool, entry in EXPORTERS.items()},
+        sky_models=list(SKY_MODELS),
+        map_formats=list(MAP_FORMATS),
     )
     return responses.tagged_json_response(request, card.model_dump(mode="json"))
 

@@ -326,6 +326,7 @@ class ModelCard(BaseModel):
     )
     jobs: bool = Field(description="whether this service takes long jobs, whose uploads it keeps until they end")
     scene_tools: list[str] = Field(description="values of `tool`", examples=[list(EXPORTERS)])
+    scene_labels: dict[str, str] = Field(description="their names, as people write them, by values of `tool`")
     sky_models: list[str] = Field(description="values of `sky`", examples=[list(SKY_MODELS)])
     map_formats: list[str] = Field(description="values of `format`", examples=[list(MAP_FORMATS)])
 

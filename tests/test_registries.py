@@ -130,6 +130,7 @@ def test_the_service_writes_the_scene(client: TestClient) -> None:
 def test_the_service_lists_both(client: TestClient) -> None:
     card = client.get("/v1/model").json()
     assert "toy" in card["scene_tools"]
+    assert (card["scene_labels"]["toy"], card["scene_labels"]["threejs"]) == ("A toy", "three.js")
     assert "eastern" in card["sky_models"]
     paths = client.get("/openapi.json").json()["paths"]
     parameters = {

@@ -93,7 +93,7 @@ async function loseTheTable(browser, url, seen, photo) {
 /** Choices of what a service states that it makes, known here or not. */
 async function offerByService(browser, url, seen, photo) {
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
-  const json = { accuracy: {}, matching: false, scene_tools: ["usd", "toy"], map_formats: ["exr", "jxl"] };
+  const json = { accuracy: {}, matching: false, scene_labels: { usd: "USD", toy: "A toy" }, map_formats: ["exr", "jxl"] };
   await page.route("**/v1/model", (route) => route.fulfill({ json }));
   await page.reload({ waitUntil: "networkidle" });
   await relit(page, () => page.setInputFiles("#file", photo));

@@ -86,7 +86,7 @@ async function rotate(page, seen, photos, folder) {
 /** What the page promises of several photos where the service states whether it matches them. */
 async function promise(browser, url, seen, matching) {
   const page = await open(browser, url, seen, { width: 360, height: 800 }, { flat: true });
-  const json = { accuracy: {}, matching, scene_tools: [], map_formats: [] };
+  const json = { accuracy: {}, matching, scene_labels: {}, map_formats: [] };
   await page.route("**/v1/model", (route) => route.fulfill({ json }));
   await page.reload({ waitUntil: "networkidle" });
   const text = await page.textContent(".several-help p");

@@ -748,7 +748,7 @@ class TestDownloads:
 
     def test_what_the_service_makes_is_offered(self, seen: Seen) -> None:
         """By a name for people where the page knows one."""
-        assert seen["offered"] == ["USD", "toy", "map (.exr)", "map (.jxl)"]
+        assert seen["offered"] == ["USD", "A toy", "map (.exr)", "map (.jxl)"]
 
     def test_the_preview_is_offered_while_it_shows_the_light_on_show(self, seen: Seen) -> None:
         (alone, _), (toned, why_toned), (changed, _), (reset, _), (together, why_together) = seen["preview"]

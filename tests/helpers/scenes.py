@@ -123,7 +123,9 @@ def write_toy(scene: Scene, folder: Folder, *, unit: str = "m") -> None:
 
 
 EASTERN = SkyModel(eastern_luminance)
-TOY = Exporter(write_toy, files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")})
+TOY = Exporter(
+    write_toy, label="A toy", files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")}
+)
 
 
 def cube_directions(size: int) -> Floats:

@@ -211,6 +211,7 @@ def test_the_model_describes_itself(client: TestClient) -> None:
     assert answer == {
         "name": "tiny", "version": "0.0.1", "licence": "Apache-2.0", "grid": "rings:3x8", "accuracy": {},
         "matching": has_opencv(), "scene_tools": [*EXPORTERS], "sky_models": [*SKY_MODELS],
+        "scene_labels": {tool: entry.label for tool, entry in EXPORTERS.items()},
         "map_formats": [*FORMATS], "jobs": False,
     }  # fmt: skip
 

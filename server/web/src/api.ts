@@ -160,7 +160,7 @@ export interface ModelInfo {
   accuracy: Record<string, Record<string, number>>; // median errors by protocol, then by the names of the model card
   matching: boolean; // whether it finds the rotations between photos by what they show in common
   jobs: boolean; // whether it takes long jobs, whose uploads it keeps until they end
-  scene_tools: string[];
+  scene_labels: Record<string, string>; // of the tools, by the values of `tool`
   map_formats: string[];
 }
 

@@ -221,7 +221,7 @@ def test_a_file_that_the_entry_does_not_list_is_never_written(tmp_path: Path, mo
         for name in ("toy.txt", "photo.jpg"):
             (folder / name).write_text("toy", encoding="utf-8")
 
-    monkeypatch.setitem(EXPORTERS, "toy", Exporter(write, files=("toy.txt",)))
+    monkeypatch.setitem(EXPORTERS, "toy", Exporter(write, label="A toy", files=("toy.txt",)))
     (tmp_path / "photo.jpg").write_text("the user's")
     sentence = r"^The exporter for toy wrote photo\.jpg, which its entry does not list\.$"
     with pytest.raises(SceneError, match=sentence):

@@ -30,11 +30,6 @@ interface Target extends FileToSave {
   isMap: boolean;
 }
 
-const TOOL_LABELS: Record<string, string> = {
-  ...{ blender: "Blender", unreal: "Unreal", unity: "Unity", godot: "Godot" },
-  ...{ usd: "USD", gltf: "glTF", filament: "Filament", cubemap: "Cubemap", threejs: "three.js", mitsuba: "Mitsuba" },
-  ...{ page: "Web page", fspy: "fSpy" },
-};
 const CHOSEN_TARGET = "lighting-download-for"; // under which the browser keeps the latest one
 const TONED_NOTE = "The preview cannot show your sun's color or softness. Press Reset first.";
 const TOGETHER_NOTE = "No preview: these photos were estimated together, and it shows one photo's estimate.";
@@ -69,9 +64,9 @@ export class Downloads {
   }
 
   /** Offers each tool of a scene and each format of a map that the service has. */
-  offer({ map_formats, scene_tools }: Pick<ModelInfo, "map_formats" | "scene_tools">): void {
+  offer({ map_formats, scene_labels }: Pick<ModelInfo, "map_formats" | "scene_labels">): void {
     if (this.targets.length) return;
-    this.targets = [...scene_tools.map(sceneTarget), ...map_formats.map(mapTarget)];
+    this.targets = [...Object.entries(scene_labels).map(sceneTarget), ...map_formats.map(mapTarget)];
     this.select.replaceChildren(
       ...this.targets.map(({ value, label }) => createElement("option", { value, textContent: label })),
     );
@@ -127,9 +122,9 @@ export class Downloads {
   }
 }
 
-const sceneTarget = (tool: string): Target => ({
+const sceneTarget = ([tool, label]: [string, string]): Target => ({
   value: tool,
-  label: TOOL_LABELS[tool] ?? tool,
+  label,
   isMap: false,
   suffix: `-${tool}.zip`,
   fetchFile: (view) => fetchScene(view.photo.file, view.userInput, tool, lightOverrides(view)),
