@@ -143,7 +143,7 @@ class Lighting:
     utc_offset: float | None = None
     """Hours, -12 to 14, local minus universal time. None: unknown."""
     time_source: str | None = None
-    """Where the time comes from: user, offset in the file, GPS, other photos, zone of the place. None: not used."""
+    """Where the time comes from: user, file (as "GPS"), other photos, zone of the place. None: not used."""
     sky_model: str = SKY_MODEL
     """One of SKY_MODELS: what `turbidity` and `exposure` are of."""
     sun_irradiance: Color | None = None

@@ -7,6 +7,8 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, FailFast, Field
 from lighting.errors import ErrorCode, WarningCode
 from lighting.fields import OPTIONAL_RANGES
 from lighting.files import MAP_FORMATS
+from lighting.fusion.instants import OTHER_PHOTOS, USER
+from lighting.fusion.time_zones import OFFSET_RULES, ZONE_OF_PLACE
 from lighting.geometry import EYE_HEIGHT
 from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, Trust
 from lighting.scene import EXPORTERS
@@ -148,7 +150,7 @@ class LightingRecord(_Part):
         utc_offset: Annotated[float, parameter_range("utc_offset", "h, local minus universal time", 2.0)] | None = None
         source: str | None = Field(
             None,
-            description="user, offset in the file, GPS, other photos, or zone of the place",
+            description=f"{USER}, {', '.join(OFFSET_RULES)}, {OTHER_PHOTOS}, or {ZONE_OF_PLACE}",
             examples=["offset in the file"],
         )
 

@@ -164,7 +164,8 @@ def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
 
 
 _OffsetRule = Callable[[PhotoMetadata], float | None]
-OFFSET_RULES: dict[str, _OffsetRule] = {  # how a photo tells its clock's offset from UTC; the first that answers counts
+# How a photo tells its clock's offset from UTC; the first that answers counts. A brand's rule asks `camera_make`.
+OFFSET_RULES: dict[str, _OffsetRule] = {
     "offset in the file": _stated_offset,
     "GPS": _offset_by_gps,
 }

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from lighting.errors import warning_code
 from lighting.fusion.metadata_prior import observations_from_metadata
-from lighting.fusion.time_zones import OFFSET_RULES, clock_offsets, resolve_hemisphere
+from lighting.fusion.time_zones import OFFSET_RULES, clock_offsets, offset_in_file, resolve_hemisphere
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import UTC_OFFSETS
 from lighting.photo.metadata import PhotoMetadata
@@ -80,6 +80,13 @@ def test_a_rule_for_the_offset_is_one_function_and_one_entry(monkeypatch: pytest
     assert sun == sun_at((ZONELESS.local_time - timedelta(hours=1)).replace(tzinfo=UTC))
     stated = observations_from_metadata(METADATA, UserInput()).observations.candidates
     assert stated == (sun_at(MORNING),)  # what the file states goes first
+
+
+def test_a_brands_rule_asks_who_made_the_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(OFFSET_RULES, "Acme's clock", lambda known: 0.0 if known.camera_make == "acme" else None)
+    noon = datetime(2024, 6, 1, 12, 0)
+    assert offset_in_file(PhotoMetadata(local_time=noon, camera_make="acme")) == (0.0, "Acme's clock")
+    assert offset_in_file(PhotoMetadata(local_time=noon, camera_make="other")) is None
 
 
 def test_a_rule_is_about_the_files_clock_and_not_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
