@@ -1,7 +1,7 @@
 """The parameters in the URLs of requests, with units and ranges, and what they must fit together."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from datetime import date
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
@@ -158,15 +158,20 @@ class LightingsQuery(LightingQuery):
         return self.match and self.together and self.headings is None and photos > 1
 
 
-def with_options(record: type, *names: str) -> Callable[[type[_Q]], type[_Q]]:
+def with_options(record: type, *names: str, without: Collection[str] = ()) -> Callable[[type[_Q]], type[_Q]]:
     """Give a Query a parameter for each option of a record.
 
     Args:
         record: such as MapOptions.
         names: of the options; none is all.
+        without: names of those among all that the Query lacks.
     """
     texts, defaults = option_texts(record), record()
-    chosen: Json = {name: types.option_parameter(texts[name], getattr(defaults, name)) for name in names or texts}
+    chosen: Json = {
+        name: types.option_parameter(texts[name], getattr(defaults, name))
+        for name in names or texts
+        if name not in without
+    }
     return lambda query: create_model(query.__name__, __base__=query, __doc__=query.__doc__, **chosen)
 
 
@@ -188,7 +193,7 @@ class ViewQuery(Query):
         return Adjustments()
 
 
-@with_options(MapOptions, "height", "yaw", "sky", "disc")
+@with_options(MapOptions, without=("sun", "around", "backdrop"))
 @with_options(FileOptions)
 class MapQuery(ViewQuery):
     """How a map is rendered and written."""

@@ -1,20 +1,28 @@
-"""The recipe of CONTRIBUTING.md for a route, carried out: one function, one model of its parameters.
+"""The recipes of CONTRIBUTING.md for a route and for an option of maps, carried out.
 
-The recipes for a sky model and a scene tool are carried out by tests/test_registries.py, the one for a metadata rule by
+A route is one function and one model of its parameters; an option is one field and its use. The recipes for a sky model
+and a scene tool are carried out by tests/test_registries.py, the one for a metadata rule by
 tests/lighting/fusion/test_time_zones.py, the one for an augmentation by tests/export/crops/test_augmentation.py.
 """
 
+import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import pytest
 from fastapi import Query, Response
 from pydantic import Field
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
+from lighting.files.exr import read_exr
+from lighting.map_options import MapKeywords, MapOptions
 from lighting.model import Model
+from lighting.records import Lighting
 from server import query_params
 from server.app import create_app
 from server.dependencies import AdmissionDep
@@ -70,3 +78,59 @@ def test_a_route_has_keys_problems_and_a_description_without_another_line(client
     assert operation["summary"] == "A toy"
     assert {parameter["name"] for parameter in operation["parameters"]} >= {"count"}
     assert {"401", "422"} <= set(operation["responses"])
+
+
+# What a contributor writes for an option "mirror": a field of MapOptions, and its use in render_map.
+MIRROR = """
+import dataclasses, sys
+from lighting import map_options
+mirror = map_options.option(False, map_options.OptionText("mirror the map"))
+Options = dataclasses.make_dataclass(
+    "MapOptions", [("mirror", bool, mirror)], bases=(map_options.MapOptions,), frozen=True
+)
+map_options.MapOptions, map_options.DEFAULT_MAP = Options, Options()
+from lighting import photo_estimate
+render_map = photo_estimate.render_map
+
+def render(lighting, options=map_options.DEFAULT_MAP, context=None):
+    made = render_map(lighting, options, context)
+    return dataclasses.replace(made, strips=lambda: (s[:, ::-1] for s in made.strips())) if options.mirror else made
+
+photo_estimate.render_map = render
+"""
+
+
+def with_mirror(code: str, *arguments: str | Path) -> str:
+    """What a process prints in which maps have the option."""
+    command = [sys.executable, "-c", MIRROR + code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+
+
+def test_an_option_of_maps_is_one_field_and_its_use(tmp_path: Path) -> None:
+    record = tmp_path / "record.json"
+    record.write_text(
+        json.dumps(Lighting(sun_azimuth=-40.0, sun_elevation=35.0, turbidity=3.0, exposure=1.0).to_dict())
+    )
+    code = "from lighting.cli import cli\ncli(prog_name='lighting')"
+    for name, switches in (("plain", []), ("mirror", ["--mirror"])):
+        with_mirror(code, "render", record, "--height", "32", "-q", "-o", tmp_path / f"{name}.exr", *switches)
+    plain, mirrored = (read_exr(tmp_path / f"{name}.exr")[0] for name in ("plain", "mirror"))
+    assert np.array_equal(plain[:, ::-1], mirrored)
+    assert not np.array_equal(plain, mirrored)
+    _, options_of_maps = with_mirror(code, "envmap", "--help").split("\nMap:")
+    assert "--mirror" in options_of_maps.partition("\nExamples:")[0]
+
+
+def test_requests_and_jobs_have_the_option_too() -> None:
+    code = """
+from server.job_kinds import MAP_OPTIONS
+from server.query_params import EnvmapQuery, SkyQuery
+sky = dict(sun_azimuth=1, sun_elevation=2, turbidity=3)
+print(EnvmapQuery(mirror="true").view().mirror, SkyQuery(**sky, mirror="true").view().mirror, "mirror" in MAP_OPTIONS)
+"""
+    assert with_mirror(code) == "True True True\n"
+
+
+def test_python_knows_the_types_of_all_options_of_maps() -> None:
+    old = {"surroundings", "detail"}
+    assert MapKeywords.__annotations__.keys() - old == MapOptions.__dataclass_fields__.keys() - {"height"}

@@ -58,7 +58,7 @@ _SECTIONS = {  # of a long help, in this order, as are the options in each; othe
         *("--shadow", "--horizon", "--vertical", "--camera", "--vertical-fov"),
         *("--reference", "--spot", "--camera-height", "--no-metadata", "--model"),
     ),
-    "Map": ("--around", "--backdrop", "--sky", "--yaw", "--disc", "--compression", "--colors"),
+    "Map": ("--around", "--backdrop", "--sky", "--compression", "--colors"),  # and the others of MapOptions
 }
 _LONG = 24  # options, from which on a help has sections
 
@@ -142,10 +142,15 @@ class Command(_Helped):
         Args:
             ctx: of click.
         """
-        options = {p.opts[0]: record for p in self.get_params(ctx) if (record := _option_help(p, ctx))}
+        params = self.get_params(ctx)
+        options = {p.opts[0]: record for p in params if (record := _option_help(p, ctx))}
         if len(options) < _LONG:
             return {"Options": list(options.values())}
+        from lighting.map_options import MapOptions
+
         sections = {title: [options.pop(n) for n in names if n in options] for title, names in _SECTIONS.items()}
+        of_maps = [p.opts[0] for p in params if p.name in MapOptions.__dataclass_fields__]
+        sections["Map"] += [options.pop(name) for name in of_maps if name in options]
         return {title: records for title, records in {"Options": list(options.values()), **sections}.items() if records}
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -46,13 +46,7 @@ class Number(click.types.FloatParamType):
         self.example = example
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Read a number; BadParameter for what is none.
-
-        Args:
-            value: as the user typed it.
-            param: of click.
-            ctx: of click.
-        """
+        """Read a number; BadParameter for what is none."""
         try:
             return float(value)
         except ValueError:
@@ -69,13 +63,7 @@ class FiniteRange(click.FloatRange):
     """A range that nan is not in, which no comparison keeps out."""
 
     def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Read a number; BadParameter for what is none, or out of the range.
-
-        Args:
-            value: as the user typed it.
-            param: of click.
-            ctx: of click.
-        """
+        """Read a number; BadParameter for what is none, or out of the range."""
         number = Number(f"{self.min:g}").convert(value, param, ctx)
         _check_finite(ctx, param, number)
         return super().convert(number, param, ctx)
@@ -87,25 +75,13 @@ class FileName(click.ParamType):  # type: ignore[type-arg]  # as below
     name = "file"
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the name; BadParameter for an address in the web.
-
-        Args:
-            value: as the user typed it.
-            param: of click.
-            ctx: of click.
-        """
+        """Return the name; BadParameter for an address in the web."""
         if is_address(value):
             self.fail(f"{value} is an address; download it, and give the name of the file.", param, ctx)
         return value
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":  # noqa: ARG002
-        """Have the shell complete names of files.
-
-        Args:
-            ctx: of click.
-            param: of click.
-            incomplete: what was typed so far.
-        """
+        """Have the shell complete names of files."""
         from click.shell_completion import CompletionItem
 
         return [CompletionItem(incomplete, type="file")]
@@ -122,22 +98,11 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
         return tuple(self.names())
 
     def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:  # noqa: ARG002
-        """Return what to type where an option is missing, such as "Type --for and one of blender, usd."
-
-        Args:
-            param: of click.
-            ctx: of click.
-        """
+        """Return what to type where an option is missing."""
         return f"Type {param.opts[0]} and one of {', '.join(self.choices)}."
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Read a name; BadParameter for another one, with a similar one if there is any.
-
-        Args:
-            value: as the user typed it.
-            param: of click.
-            ctx: of click.
-        """
+        """Read a name; BadParameter for another one, with a similar one if there is any."""
         try:
             name: str = super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -145,14 +110,7 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
         return name
 
     def refuse(self, sentence: str, value: str, param: click.Parameter | None, ctx: click.Context | None) -> NoReturn:
-        """Raise BadParameter, with a similar name if there is any.
-
-        Args:
-            sentence: what is wrong.
-            value: as the user typed it.
-            param: of click.
-            ctx: of click.
-        """
+        """Raise BadParameter, with a similar name if there is any."""
         from difflib import get_close_matches
 
         near = get_close_matches(str(value).lower(), self.choices, n=1)
