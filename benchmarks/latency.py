@@ -55,7 +55,7 @@ from benchmarks.common import (
     take_turns,
     warm_worker,
 )
-from lighting.calibration import LINES_SIDE, calibrate_from_lines
+from lighting.calibration import calibrate_from_lines, shrink_to_gray
 from lighting.envmap.detail_library import DetailSource, load_detail_library
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.render import render
@@ -80,16 +80,9 @@ def decode_by_pillow(path: Path) -> Image.Image:
     return image
 
 
-def small_gray(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Pillow's small grey picture (H, W) of pixels (h, w, 3)."""
-    grey = Image.fromarray(pixels).convert("L")
-    grey.thumbnail((LINES_SIDE, LINES_SIDE), Image.Resampling.BOX, reducing_gap=None)
-    return np.asarray(grey)
-
-
 def compute_gradient(pixels: NDArray[np.uint8]) -> None:
     """The small grey picture of pixels (h, w, 3), and numpy's gradient of it."""
-    np.gradient(small_gray(pixels).astype(np.float32))
+    np.gradient(shrink_to_gray(pixels).astype(np.float32))
 
 
 def opencv_detector(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
@@ -99,7 +92,7 @@ def opencv_detector(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
     import cv2
 
     detector = cv2.createLineSegmentDetector()
-    return lambda: detector.detect(small_gray(pixels))
+    return lambda: detector.detect(shrink_to_gray(pixels))
 
 
 def write_by_openexr(image: NDArray[np.float32]) -> None:
@@ -205,7 +198,7 @@ def measure_parts(
             resize_to_input(photo, estimator.model.spec),
             estimator.model.session.run(None, {"photo": tensor}),
         ),
-        "lines": lambda: calibrate_from_lines(prediction, photo.pixels),
+        "lines": lambda: calibrate_from_lines(prediction, shrink_to_gray(photo.pixels)),
         "lines floor": lambda: compute_gradient(photo.pixels),
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,

@@ -76,7 +76,17 @@ def lens_ratio(a: float, b: float) -> float:
     return max(ratio, 1.0 / ratio)
 
 
-def calibrate_from_lines(prediction: Prediction, pixels: _Bytes, vertical_fov: float | None = None) -> Prediction:
+def shrink_to_gray(pixels: _Bytes) -> _Bytes:
+    """The gray levels (h, w), 0 to 255, in which lines are sought: LINES_SIDE along the longer side at most.
+
+    Args:
+        pixels: (H, W, 3) sRGB.
+    """
+    full_size = Image.fromarray(pixels).convert("L")
+    return np.asarray(full_size.resize(shrink_size(*full_size.size, LINES_SIDE), Image.Resampling.BOX))
+
+
+def calibrate_from_lines(prediction: Prediction, gray: _Bytes, vertical_fov: float | None = None) -> Prediction:
     """The prediction with the camera by the photo's straight lines too; its sun stays where it is.
 
     With a known lens, elevation and roll are those of a camera with it, unless the pixels contradict it. The field of
@@ -84,11 +94,9 @@ def calibrate_from_lines(prediction: Prediction, pixels: _Bytes, vertical_fov: f
 
     Args:
         prediction: of the network.
-        pixels: (h, w, 3) sRGB.
+        gray: (h, w) levels of the photo, by `shrink_to_gray`.
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
-    full_size = Image.fromarray(pixels).convert("L")
-    gray = np.asarray(full_size.resize(shrink_size(*full_size.size, LINES_SIDE), Image.Resampling.BOX))
     focal = focal_length(len(gray), prediction.vertical_fov)
     edges = _edges_of(gray, up_in_camera(prediction.camera_elevation, prediction.camera_roll), focal)
     known_lens = _known_log_lens(prediction, vertical_fov)
@@ -205,16 +213,22 @@ def _edges_of(gray: _Bytes, up: Floats, focal: float) -> _Edges:
 
 
 def _gradient(gray: _Bytes) -> tuple[Floats, Floats]:
-    """Twice the steps (h - 1, w - 1) of brightness to the right and upwards, on the corners that four pixels share."""
+    """Twice the steps (h - 1, w) of brightness to the right and upwards, on the corners that four pixels share.
+
+    The last column, which has no corners, is 0.
+    """
     levels = gray.astype(np.int16)
     falling, rising = levels[1:, 1:] - levels[:-1, :-1], levels[:-1, 1:] - levels[1:, :-1]
-    return (falling + rising).astype(np.float32), (rising - falling).astype(np.float32)
+    right, upwards = np.zeros((2, len(gray) - 1, gray.shape[1]), np.float32)
+    np.add(falling, rising, out=right[:, :-1])
+    np.subtract(rising, falling, out=upwards[:, :-1])
+    return right, upwards
 
 
 def _rotate_to_vertical(right: Floats, upwards: Floats, up: Floats, focal: float) -> tuple[Floats, Floats]:
-    """Gradients (h - 1, w - 1) across the expected vertical, positive to the right, and along it, up to a factor."""
+    """Gradients (h - 1, w) across the expected vertical, positive to the right, and along it, up to a factor."""
     height, width = right.shape
-    x, y = np.arange(1, width + 1) - 0.5 * (width + 1), 0.5 * (height + 1) - np.arange(1, height + 1)
+    x, y = np.arange(1, width + 1) - 0.5 * width, 0.5 * (height + 1) - np.arange(1, height + 1)
     vertical_x = (up[0] - x / focal * up[2]).astype(np.float32)[None, :]
     vertical_y = (up[1] - y / focal * up[2]).astype(np.float32)[:, None]
     return right * vertical_y - upwards * vertical_x, right * vertical_x + upwards * vertical_y
@@ -223,13 +237,14 @@ def _rotate_to_vertical(right: Floats, upwards: Floats, up: Floats, focal: float
 def _link_corners(corners: NDArray[np.intp], size: Floats, directions: _Bytes, shape: tuple[int, ...]) -> _Lines:
     """The edges that neighboring corners (P,) make, by the sizes (P,) and direction bins (P,) of their gradients."""
     height, width = shape
-    rows, columns = np.divmod(corners, max(width - 1, 1))
-    chain = _chains(rows * width + columns, directions, width)
+    chain = _chains(corners, directions, width)
     large = np.bincount(chain) >= _MIN_PIXELS
     kept = np.flatnonzero(large.take(chain))
     chain = (np.cumsum(large) - 1).take(chain.take(kept))  # those are numbered from 0
-    x, y = columns.take(kept) + (1 - 0.5 * width), (0.5 * height - 1) - rows.take(kept)
-    return _fit_lines(chain, size.take(kept).astype(np.float64), x, y, height)
+    rows, columns = np.divmod(corners.take(kept), width)
+    return _fit_lines(
+        chain, size.take(kept).astype(np.float64), columns + (1 - 0.5 * width), (0.5 * height - 1) - rows, height
+    )
 
 
 def _chains(corners: NDArray[np.intp], directions: _Bytes, width: int) -> NDArray[np.intp]:
@@ -242,19 +257,24 @@ def _chains(corners: NDArray[np.intp], directions: _Bytes, width: int) -> NDArra
     begins[1:] = (np.diff(corners) != 1) | ~_agree(directions[1:], directions[:-1])
     start = np.flatnonzero(begins)
     end = np.append(start, len(corners))[1:] - 1
-    run = np.cumsum(begins) - 1
+    steps = end - start
+    run = np.repeat(np.arange(len(start)), steps + 1)
     margin = width + 1  # cells before the first one that are looked at
     at = np.full(margin + 1 + int(corners.max(initial=0)), -1, dtype=np.int32)
-    at[corners + margin] = np.arange(len(corners), dtype=np.int32)
+    at[margin:][corners] = np.arange(len(corners), dtype=np.int32)
     first = np.arange(len(start))
-    free = first.copy()
+    free = np.ones(len(start), dtype=bool)
     middle = (start + end) // 2
-    for members, shift in ((middle, 0), (start, 0), (end, 0), (start, -1), (end, 1)):
-        touching = members.take(free)
-        above = at.take(corners.take(touching) + (margin - width + shift))
-        follows = (above >= 0) & _agree(directions.take(above), directions.take(touching))
-        first[free[follows]] = run.take(above[follows])
-        free = free[~follows]
+    for members, shift, least in ((middle, 0, 0), (start, 0, 2), (end, 0, 1), (start, -1, 0), (end, 1, 0)):
+        tried = np.flatnonzero(free & (steps >= least))  # of shorter runs the member is one that was tried before
+        touching = members.take(tried)
+        above = at[margin - width + shift :].take(corners.take(touching))
+        found = np.flatnonzero(above >= 0)
+        tried, above = tried.take(found), above.take(found)
+        follows = np.flatnonzero(_agree(directions.take(above), directions.take(touching.take(found))))
+        tried = tried.take(follows)
+        first[tried] = run.take(above.take(follows))
+        free[tried] = False
     while not np.array_equal(further := first.take(first), first):
         first = further
     return first.take(run)
@@ -358,10 +378,11 @@ def _log_likelihood_of_horizontals(lines: _Lines, height: int, cameras: _Cameras
     bell *= -0.5 / (std * std)
     np.exp(bell, out=bell)
     half = bell.shape[1] // 2
-    density = (bell[:, :half] + bell[:, half:]) * (0.5 * _HORIZONTAL_SHARE / (math.sqrt(2 * math.pi) * std))
+    density = bell[:, :half] + bell[:, half:]
+    density *= 0.5 * _HORIZONTAL_SHARE / (math.sqrt(2 * math.pi) * std)
     density += np.float32((1 - _HORIZONTAL_SHARE) / math.pi)
     weight = (_HORIZONTAL_WEIGHT * np.sqrt(lines.length / height)).astype(np.float32)
-    by_heading = (weight @ np.log(density)).reshape(-1, *cameras.elevation.shape)
+    by_heading = (weight @ np.log(density, out=density)).reshape(-1, *cameras.elevation.shape)
     highest = by_heading.max(axis=0)
     return np.asarray(highest + np.log(np.exp(by_heading - highest).mean(axis=0)))
 
@@ -374,7 +395,8 @@ def _squared_sines(lines: _Lines, directions: Floats) -> Floats:
     distance *= distance
     parts = np.stack([right * right + up * up, forward * right, forward * up, forward * forward])
     by_middle = np.stack([np.ones_like(x), -2 * x, -2 * y, x * x + y * y], axis=1).astype(np.float32)
-    distance /= np.maximum(by_middle @ parts, np.float32(1e-6))
+    length2 = by_middle @ parts
+    distance /= np.maximum(length2, np.float32(1e-6), out=length2)
     return distance
 
 

@@ -8,11 +8,10 @@ import json
 import sys
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.fields import describe_fields
@@ -63,12 +62,13 @@ def photo_segments(canvas: NDArray[np.float32] | None, width: int, height: int) 
     if canvas is None:
         return None
     rows, columns, _ = canvas.shape
-    inside = np.array(fit_in_box(width, height, columns * CELL_PIXELS, rows * CELL_PIXELS)) / CELL_PIXELS
-    left, top = (np.array([columns, rows]) - inside) / 2
-    box = (left, top, left + inside[0], top + inside[1])
+    inside = fit_in_box(width, height, columns * CELL_PIXELS, rows * CELL_PIXELS)
     size = _CELLS if width >= height else _CELLS[::-1]
-    planes = (Image.fromarray(plane) for plane in np.ascontiguousarray(np.moveaxis(canvas, 2, 0)))
-    return np.stack([np.asarray(plane.resize(size, Image.Resampling.BILINEAR, box=box)) for plane in planes], axis=-1)
+    across, down = (
+        _linear_weights(count, cells, (cells - pixels / CELL_PIXELS) / 2)
+        for count, cells, pixels in zip(size, (columns, rows), inside, strict=True)
+    )
+    return np.moveaxis(_resize_planes(np.moveaxis(canvas, 2, 0), across, down), 0, 2)
 
 
 def class_share(segments: Segments, *classes: SurfaceClass) -> NDArray[np.float32]:
@@ -90,8 +90,43 @@ def pixel_share(segments: Segments, width: int, height: int, *classes: SurfaceCl
         height: of the picture, pixels.
         classes: one or more.
     """
-    cells = Image.fromarray(class_share(segments, *classes))
-    return np.asarray(cells.resize((width, height), Image.Resampling.BILINEAR))
+    rows, columns, _ = segments.shape
+    return _resize_planes(
+        class_share(segments, *classes), _linear_weights(width, columns), _linear_weights(height, rows)
+    )
+
+
+def class_planes(segments: Segments, width: int, height: int) -> NDArray[np.float32]:
+    """Return `pixel_share` (classes, h, w) of each class by itself.
+
+    Args:
+        segments: of the whole picture.
+        width: of the picture, pixels.
+        height: of the picture, pixels.
+    """
+    rows, columns, _ = segments.shape
+    return _resize_planes(np.moveaxis(segments, 2, 0), _linear_weights(width, columns), _linear_weights(height, rows))
+
+
+def _resize_planes(planes: NDArray[np.float32], across: Floats, down: Floats) -> NDArray[np.float32]:
+    """Planes (..., R, C) whose columns are mixed by weights (w, C), and then their rows by weights (h, R)."""
+    wide = np.asarray(planes @ across.T, dtype=np.float32)
+    return np.asarray(down @ wide, dtype=np.float32)
+
+
+@lru_cache(maxsize=32)  # photos of one shape need eight
+def _linear_weights(count: int, cells: int, margin: float = 0.0) -> Floats:
+    """How far (count, cells) cells, but for a margin at both ends, count for pixels: linear between their middles.
+
+    Fewer pixels than cells mix all the cells that lie within one pixel's width. Rows sum to 1.
+    """
+    step = (cells - 2 * margin) / count  # cells
+    middle = margin + (np.arange(count)[:, None] + 0.5) * step
+    distance = np.abs(np.arange(cells) + 0.5 - middle) / max(step, 1.0)
+    weights = np.maximum(1.0 - distance, 0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    weights.setflags(write=False)
+    return weights
 
 
 _LARGEST = sys.float_info.max

@@ -10,17 +10,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from PIL import Image
 
-from lighting.calibration import LINES_SIDE
-from lighting.geometry import Floats, focal_length, shrink_size
-from lighting.prediction import Prediction, Segments, SurfaceClass, pixel_share
+from lighting.geometry import Floats, focal_length
+from lighting.prediction import Prediction, Segments, SurfaceClass, class_planes
 
 _CELLS = 18  # of the segments along a picture's height; the line lies within two of where they see it
 _COARSE = (96, 72)  # columns and rows of the segments in which the line is sought first
 _MIN_WATER = 0.3  # probability of it somewhere
 _MIN_SKY = 0.6  # probability of it above the line
-_NOT_LAND = (SurfaceClass.SKY, SurfaceClass.WATER)
+_LAND = [kind for kind in SurfaceClass if kind not in (SurfaceClass.SKY, SurfaceClass.WATER)]
 _BAND = 4  # rows above and below a line, whose brightness differs
 _SEARCH = (2.0, 0.5, 0.125)  # rows between lines that are tried, each about the best of those before
 _BLOCK = 6  # of such lines, to each side
@@ -44,21 +42,26 @@ def may_show_sea(canvas: NDArray[np.float32]) -> bool:
 
 
 def level_by_sea(
-    prediction: Prediction, pixels: NDArray[np.uint8], segments: Segments | None, vertical_fov: float
+    prediction: Prediction,
+    gray: NDArray[np.uint8],
+    segments: Segments | None,
+    vertical_fov: float,
+    size: tuple[int, int],
 ) -> Prediction:
     """The prediction with a camera whose horizon is the line where water meets the sky, if the photo shows one.
 
     Args:
         prediction: with the camera as it is known without.
-        pixels: (h, w, 3) sRGB.
+        gray: (h, w) levels of the photo, by `calibration.shrink_to_gray`.
         segments: of the photo; None: unknown, and the prediction stays.
         vertical_fov: deg, of the camera's lens.
+        size: width and height of the photo, pixels.
     """
-    line = None if segments is None else find_sea_horizon(pixels, segments)
+    line = None if segments is None else find_sea_horizon(gray, segments)
     if line is None:
         return prediction
     left, right = line
-    height, width = pixels.shape[:2]
+    width, height = size
     focal = focal_length(height, vertical_fov)
     across = np.array([width, (left - right) * height, 0.0])
     middle = np.array([0.0, (0.5 - (left + right) / 2) * height, focal])
@@ -69,11 +72,11 @@ def level_by_sea(
     return prediction if change > _MAX_CHANGE else replace(prediction, camera_elevation=elevation, camera_roll=roll)
 
 
-def find_sea_horizon(pixels: NDArray[np.uint8], segments: Segments) -> tuple[float, float] | None:
+def find_sea_horizon(gray: NDArray[np.uint8], segments: Segments) -> tuple[float, float] | None:
     """Where the line between water and sky meets the picture's left and right edge; None where it shows none.
 
     Args:
-        pixels: (h, w, 3) sRGB.
+        gray: (h, w) levels of the photo, by `calibration.shrink_to_gray`.
         segments: of the photo.
 
     Returns:
@@ -83,8 +86,6 @@ def find_sea_horizon(pixels: NDArray[np.uint8], segments: Segments) -> tuple[flo
     if start is None:
         return None
     line, x = start
-    full_size = Image.fromarray(pixels).convert("L")
-    gray = np.asarray(full_size.resize(shrink_size(*full_size.size, LINES_SIDE), Image.Resampling.BOX))
     height, width = gray.shape
     if height < 6 * _BAND:
         return None
@@ -125,14 +126,15 @@ def _coarse_line(segments: Segments) -> tuple[Floats, Floats] | None:
         return None
     width, height = _COARSE
     reach = height // _CELLS
-    kinds = *_NOT_LAND, *(kind for kind in SurfaceClass if kind not in _NOT_LAND)
-    sky, *others = (_totals(pixel_share(segments, width, height, kind)) for kind in kinds)
+    total = _totals(class_planes(segments, width, height))
+    sky = total[SurfaceClass.SKY]
     edges, at_column = sky[reach : height - 3 * reach], np.arange(width)
     above = edges - sky[: len(edges)]
     best = np.argmax(above - (sky[2 * reach :][: len(edges)] - edges), axis=0)
     row = best + reach
-    below = [total[row + 3 * reach, at_column] - total[row, at_column] for total in others]
-    is_shore = (above[best, at_column] >= _MIN_SKY * reach) & (below[0] >= np.max(below[1:], axis=0))
+    below = total[:, row + 3 * reach, at_column] - total[:, row, at_column]
+    is_water = below[SurfaceClass.WATER] >= below[_LAND].max(axis=0)
+    is_shore = (above[best, at_column] >= _MIN_SKY * reach) & is_water
     column = np.flatnonzero(is_shore)
     if len(column) < _MIN_LENGTH * width:
         return None
@@ -201,8 +203,9 @@ def _at(values: Floats, y: Floats) -> Floats:
     return np.asarray((1 - share) * values.take(above) + share * values.take(above + values.shape[1]))
 
 
-def _totals(values: Floats) -> Floats:
-    """The sums (h + 1, w) of the rows of values (h, w) above each edge between rows."""
-    total = np.zeros((len(values) + 1, values.shape[1]))
-    np.cumsum(values, axis=0, out=total[1:], dtype=np.float64)
+def _totals(values: NDArray[np.number]) -> Floats:
+    """The sums (..., h + 1, w) of the rows of values (..., h, w) above each edge between rows."""
+    *planes, rows, columns = values.shape
+    total = np.zeros((*planes, rows + 1, columns))
+    np.cumsum(values, axis=-2, out=total[..., 1:, :], dtype=np.float64)
     return total

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines, lens_ratio
+from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines, lens_ratio, shrink_to_gray
 from lighting.decoding import (
     candidate_suns,
     correct_sun_color,
@@ -175,12 +175,15 @@ def refine_camera(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fo
         pixels: (h, w, 3) sRGB.
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
-    refined = calibrate_from_lines(prediction, pixels, vertical_fov)
+    gray = shrink_to_gray(pixels)
+    refined = calibrate_from_lines(prediction, gray, vertical_fov)
     lens = refined.vertical_fov
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) <= MAX_LENS_RATIO:
         lens = vertical_fov
     if prediction.segments is not None and may_show_sea(prediction.segments):
-        refined = level_by_sea(refined, pixels, photo_segments(prediction.segments, *pixels.shape[1::-1]), lens)
+        height, width = pixels.shape[:2]
+        segments = photo_segments(prediction.segments, width, height)
+        refined = level_by_sea(refined, gray, segments, lens, (width, height))
     sun = None if refined is prediction else visible_sun(prediction, pixels)
     return refined if sun is None else replace(refined, sun_probability=reproject_sun(prediction, refined, sun))
 

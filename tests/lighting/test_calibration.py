@@ -15,6 +15,7 @@ from lighting.calibration import (
     calibrate_from_lines,
     lens_ratio,
     level_in_camera,
+    shrink_to_gray,
     up_in_camera,
 )
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_directions, direction
@@ -27,6 +28,11 @@ MAX_LEAN = 25.0  # deg
 
 def camera_prediction(elevation: float, roll: float, fov: float = 50.0) -> Prediction:
     return replace(prediction(), camera_elevation=elevation, camera_roll=roll, vertical_fov=fov)
+
+
+def calibrated(network: Prediction, pixels: NDArray[np.uint8], fov: float | None = None) -> Prediction:
+    """The prediction with the camera by the lines of a picture (h, w, 3)."""
+    return calibrate_from_lines(network, shrink_to_gray(pixels), fov)
 
 
 def convergence(camera: Prediction) -> float:
@@ -42,7 +48,7 @@ def convergence(camera: Prediction) -> float:
 def test_a_wrong_camera_is_put_where_verticals_are_upright(
     elevation: float, roll: float, above: float, aside: float
 ) -> None:
-    known = calibrate_from_lines(camera_prediction(elevation + above, roll + aside), poles(elevation, roll, 50.0))
+    known = calibrated(camera_prediction(elevation + above, roll + aside), poles(elevation, roll, 50.0))
     assert convergence(known) == pytest.approx(convergence(camera_prediction(elevation, roll)), abs=0.015)
     assert known.camera_roll == pytest.approx(roll, abs=0.4)
     assert abs(known.camera_elevation - elevation) <= 0.75 * abs(above) + 0.5
@@ -51,13 +57,13 @@ def test_a_wrong_camera_is_put_where_verticals_are_upright(
 
 @pytest.mark.parametrize(("size", "fov"), [((300, 400), 65.0), ((2 * LINES_SIDE, LINES_SIDE), 50.0), ((90, 60), 50.0)])
 def test_portraits_large_and_small_pictures_are_read_alike(size: tuple[int, int], fov: float) -> None:
-    known = calibrate_from_lines(camera_prediction(6.0, 0.0, fov), poles(2.0, 0.0, fov, size))
+    known = calibrated(camera_prediction(6.0, 0.0, fov), poles(2.0, 0.0, fov, size))
     assert known.camera_elevation == pytest.approx(2.0, abs=1.0)
 
 
 def test_verticals_of_a_level_camera_do_not_tell_the_lens_and_those_of_a_steep_one_do() -> None:
-    level = calibrate_from_lines(camera_prediction(0.0, 0.0, 44.0), poles(0.0, 0.0, 50.0)).vertical_fov
-    steep = calibrate_from_lines(camera_prediction(30.0, 0.0, 44.0), poles(30.0, 0.0, 50.0)).vertical_fov
+    level = calibrated(camera_prediction(0.0, 0.0, 44.0), poles(0.0, 0.0, 50.0)).vertical_fov
+    steep = calibrated(camera_prediction(30.0, 0.0, 44.0), poles(30.0, 0.0, 50.0)).vertical_fov
     assert level == pytest.approx(44.0, abs=1.0)
     assert 45.5 < steep < 52.0
 
@@ -69,7 +75,7 @@ def test_a_known_lens_brings_the_elevation_nearer_whatever_the_network_says_of_i
 ) -> None:
     """Verticals tell elevation and lens together, so with either the other is told."""
     network, pixels = camera_prediction(elevation + 2.0, 0.0, wrong * fov), poles(elevation, 0.0, fov)
-    unknown, known = (calibrate_from_lines(network, pixels, lens) for lens in (None, fov))
+    unknown, known = (calibrated(network, pixels, lens) for lens in (None, fov))
     assert abs(known.camera_elevation - elevation) < abs(unknown.camera_elevation - elevation) + 0.1
     assert convergence(replace(known, vertical_fov=fov)) == pytest.approx(
         convergence(camera_prediction(elevation, 0.0, fov)), abs=0.02
@@ -80,38 +86,38 @@ def test_a_known_lens_brings_the_elevation_nearer_whatever_the_network_says_of_i
 def test_without_verticals_the_elevation_follows_the_lens_as_the_horizon_in_the_picture_has_it() -> None:
     blank = np.full((300, 400, 3), 120, dtype=np.uint8)
     for elevation in (20.0, -20.0):
-        wider = calibrate_from_lines(camera_prediction(elevation, 1.0, 50.0), blank, 60.0)
+        wider = calibrated(camera_prediction(elevation, 1.0, 50.0), blank, 60.0)
         assert 1.0 < abs(wider.camera_elevation) - 20.0 < 4.0
         assert wider.camera_roll == pytest.approx(1.0, abs=0.01)
         assert wider.vertical_fov == pytest.approx(50.0)
-    level = calibrate_from_lines(camera_prediction(0.0, 0.0, 50.0), blank, 60.0)
+    level = calibrated(camera_prediction(0.0, 0.0, 50.0), blank, 60.0)
     assert level.camera_elevation == pytest.approx(0.0, abs=0.01)
 
 
 @pytest.mark.parametrize(("by_network", "low", "high"), [(0.6, 0.0, 0.3), (2.5, 2.2, 2.8)])
 def test_a_camera_that_may_be_level_is_and_one_that_is_rolled_stays(by_network: float, low: float, high: float) -> None:
     true_roll = 0.3 if by_network < 1.0 else 2.5
-    known = calibrate_from_lines(camera_prediction(5.0, by_network), poles(5.0, true_roll, 50.0))
+    known = calibrated(camera_prediction(5.0, by_network), poles(5.0, true_roll, 50.0))
     assert low <= known.camera_roll <= high
 
 
 def test_a_lens_that_the_pixels_contradict_is_not_used() -> None:
     """As that of a photo that was cropped to a third."""
     network, pixels = camera_prediction(20.0, 0.0, 25.0), poles(20.0, 0.0, 25.0)
-    assert are_equal(calibrate_from_lines(network, pixels, 70.0), calibrate_from_lines(network, pixels))
+    assert are_equal(calibrated(network, pixels, 70.0), calibrated(network, pixels))
 
 
 def test_a_picture_without_lines_leaves_the_camera_as_it_is() -> None:
     camera = camera_prediction(7.0, -2.0)
     for grey in (np.full((300, 400), 120), np.full((1, 1), 7)):
         pixels = np.repeat(grey[..., None], 3, axis=2).astype(np.uint8)
-        assert calibrate_from_lines(camera, pixels) is camera
+        assert calibrated(camera, pixels) is camera
 
 
 def test_level_stripes_straight_ahead_do_not_tell_the_elevation() -> None:
     """A façade that the camera faces: its edges run level in the picture wherever the horizon lies."""
     rows = np.repeat(np.arange(300) // 20 % 2 * 60 + 90, 400).reshape(300, 400)
-    known = calibrate_from_lines(camera_prediction(7.0, 0.0), np.repeat(rows[..., None], 3, axis=2).astype(np.uint8))
+    known = calibrated(camera_prediction(7.0, 0.0), np.repeat(rows[..., None], 3, axis=2).astype(np.uint8))
     assert known.camera_elevation == pytest.approx(7.0, abs=0.3)
     assert known.vertical_fov == pytest.approx(50.0, abs=1.0)
 
@@ -130,13 +136,13 @@ def courtyard(elevation: float, fov: float, heading: float, size: tuple[int, int
 @pytest.mark.parametrize("heading", [30.0, 45.0, 60.0])
 @pytest.mark.parametrize(("elevation", "above"), [(0.0, 4.0), (10.0, -4.0), (-12.0, 3.0)])
 def test_horizontals_bring_a_wrong_elevation_nearer(heading: float, elevation: float, above: float) -> None:
-    known = calibrate_from_lines(camera_prediction(elevation + above, 0.0, 60.0), courtyard(elevation, 60.0, heading))
+    known = calibrated(camera_prediction(elevation + above, 0.0, 60.0), courtyard(elevation, 60.0, heading))
     assert abs(known.camera_elevation - elevation) < 0.72 * abs(above)
 
 
 @pytest.mark.parametrize("wrong", [0.85, 1.18])
 def test_two_headings_at_right_angles_tell_the_lens(wrong: float) -> None:
-    known = calibrate_from_lines(camera_prediction(0.0, 0.0, wrong * 60.0), courtyard(0.0, 60.0, 40.0))
+    known = calibrated(camera_prediction(0.0, 0.0, wrong * 60.0), courtyard(0.0, 60.0, 40.0))
     assert abs(known.vertical_fov - 60.0) < 0.8 * abs(wrong * 60.0 - 60.0)
 
 
@@ -144,14 +150,14 @@ def test_one_leaning_pole_is_not_believed() -> None:
     """It may be a mast, a trunk or a person: the network's level camera stays nearly so."""
     y, x = np.mgrid[:300, :400].astype(float)
     pole = np.where(np.abs(x - 200 + 0.17 * (y - 150)) < 6, 60, 150)
-    known = calibrate_from_lines(camera_prediction(0.0, 0.0), np.repeat(pole[..., None], 3, axis=2).astype(np.uint8))
+    known = calibrated(camera_prediction(0.0, 0.0), np.repeat(pole[..., None], 3, axis=2).astype(np.uint8))
     assert abs(known.camera_roll) < 1.0
     assert abs(known.camera_elevation) < 1.0
 
 
 def test_everything_else_stays() -> None:
     before = camera_prediction(4.0, 1.0)
-    after = calibrate_from_lines(before, poles(0.0, 0.0, 50.0))
+    after = calibrated(before, poles(0.0, 0.0, 50.0))
     for name in ("spec", "sun_probability", "sun_visibility", "turbidity", "exposure", "light"):
         assert getattr(after, name) is getattr(before, name)
 

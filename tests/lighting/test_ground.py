@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.relighting import edit_lighting, rotate_lighting
@@ -26,7 +27,15 @@ from lighting.ground import (
     spot_warnings,
 )
 from lighting.photo.reader import photo_from_array, read_photo
-from lighting.prediction import EstimatedLight, Segments, SurfaceClass, class_share, photo_segments, pixel_share
+from lighting.prediction import (
+    EstimatedLight,
+    Segments,
+    SurfaceClass,
+    class_planes,
+    class_share,
+    photo_segments,
+    pixel_share,
+)
 from lighting.records import Lighting
 from tests.helpers.predictions import prediction
 from tests.helpers.scenes import distribution
@@ -234,6 +243,30 @@ def test_shares_add_up_and_are_enlarged_smoothly() -> None:
     enlarged = pixel_share(segments, 8, 3, SurfaceClass.WATER)
     assert enlarged.shape == (3, 8)
     assert (np.diff(enlarged[0]) >= 0).all()
+
+
+@pytest.mark.parametrize("size", [(96, 72), (31, 40), (9, 7)])
+def test_planes_of_classes_are_resized_as_pillow_does(size: tuple[int, int]) -> None:
+    segments = np.random.default_rng(0).random((18, 24, 10), dtype=np.float32)
+    expected = [
+        np.asarray(Image.fromarray(plane).resize(size, Image.Resampling.BILINEAR))
+        for plane in segments.transpose(2, 0, 1).copy()
+    ]
+    assert class_planes(segments, *size) == pytest.approx(np.stack(expected), abs=1e-6)
+    sky = pixel_share(segments, *size, SurfaceClass.SKY)
+    assert sky == pytest.approx(expected[SurfaceClass.SKY], abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [(160, 120), (100, 121)])
+def test_cells_of_a_photo_are_resized_from_their_part_of_the_canvas_as_pillow_does(size: tuple[int, int]) -> None:
+    canvas = np.random.default_rng(0).random((28, 28, 10), dtype=np.float32)
+    left, top = ((28 - round(224 * side / max(size)) / 8) / 2 for side in size)
+    water = Image.fromarray(canvas[..., SurfaceClass.WATER].copy())
+    cells = (24, 18) if size[0] > size[1] else (18, 24)
+    expected = water.resize(cells, Image.Resampling.BILINEAR, box=(left, top, 28 - left, 28 - top))
+    segments = photo_segments(canvas, *size)
+    assert segments is not None
+    assert segments[..., SurfaceClass.WATER] == pytest.approx(np.asarray(expected), abs=1e-6)
 
 
 def test_an_object_stands_where_the_user_says() -> None:

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
 
+from lighting.calibration import shrink_to_gray
 from lighting.geometry import Pinhole, camera_directions
 from lighting.prediction import SurfaceClass
 from lighting.sea_horizon import find_sea_horizon, level_by_sea, may_show_sea
@@ -34,32 +34,34 @@ def seascape(camera: Pinhole = CAMERA, blur: float = 0.0) -> tuple[NDArray[np.ui
 def test_the_camera_is_level_with_the_sea(elevation: float, roll: float) -> None:
     camera = Pinhole(480, 360, 55.0, elevation=elevation, roll=roll)
     known = replace(prediction(), camera_elevation=elevation + 2, camera_roll=roll - 1)
-    found = level_by_sea(known, *seascape(camera), 55.0)
+    pixels, cells = seascape(camera)
+    found = level_by_sea(known, shrink_to_gray(pixels), cells, 55.0, (480, 360))
     assert found.camera_elevation == pytest.approx(elevation, abs=0.15)
     assert found.camera_roll == pytest.approx(roll, abs=0.15)
 
 
 def test_a_camera_that_is_known_to_be_far_off_stays() -> None:
     known = replace(prediction(), camera_elevation=14.0)
-    assert level_by_sea(known, *seascape(), 55.0) is known
+    pixels, cells = seascape()
+    assert level_by_sea(known, shrink_to_gray(pixels), cells, 55.0, (480, 360)) is known
 
 
 def test_haze_ponds_and_dry_land_have_no_sea_horizon() -> None:
     pixels, cells = seascape()
-    assert find_sea_horizon(pixels, cells) is not None
+    assert find_sea_horizon(shrink_to_gray(pixels), cells) is not None
     hazy, _ = seascape(blur=1.5)
-    assert find_sea_horizon(hazy, cells) is None
+    assert find_sea_horizon(shrink_to_gray(hazy), cells) is None
     dry = cells.copy()
     dry[..., [SurfaceClass.GROUND, SurfaceClass.WATER]] = cells[..., [SurfaceClass.WATER, SurfaceClass.GROUND]]
-    assert find_sea_horizon(pixels, dry) is None
-    assert find_sea_horizon(np.asarray(Image.fromarray(pixels).resize((8, 6))), cells) is None
+    assert find_sea_horizon(shrink_to_gray(pixels), dry) is None
+    assert find_sea_horizon(shrink_to_gray(pixels[::60, ::60]), cells) is None
 
 
 def test_a_headland_before_the_sea_changes_nothing() -> None:
     pixels, cells = seascape()
     down = -np.degrees(np.arcsin(camera_directions(CAMERA)[..., 1]))
     pixels[(down > -1.5) & (down < 0.2) & (np.arange(480) < 140)] = 20
-    line = find_sea_horizon(pixels, cells)
+    line = find_sea_horizon(shrink_to_gray(pixels), cells)
     assert line is not None
     middle = 0.5 + 0.5 * math.tan(math.radians(4.0)) / math.tan(math.radians(27.5)) / math.cos(math.radians(2.0))
     assert sum(line) / 2 == pytest.approx(middle, abs=0.004)
