@@ -7,7 +7,7 @@ by `render_map` alone.
 import dataclasses
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
@@ -27,6 +27,7 @@ from lighting.errors import warn_of_old_name
 from lighting.fields import RANGES, check_range, describe_fields
 from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, join_strips, write_envmap
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
+from lighting.frozen import dataclass
 from lighting.map_options import DEFAULT_MAP, MAX_WHOLE_HEIGHT, Adjustments, Around, MapKeywords, MapOptions
 from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight

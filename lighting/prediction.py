@@ -6,7 +6,7 @@ the photo: 24 x 18 for a landscape photo, 18 x 24 for an upright one.
 
 import json
 import sys
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from enum import IntEnum
 from functools import cached_property, lru_cache
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.fields import describe_fields
+from lighting.frozen import dataclass
 from lighting.geometry import Floats, fit_in_box
 from lighting.records import Lighting
 from lighting.sun_grid import bayes_direction

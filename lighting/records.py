@@ -3,7 +3,7 @@
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import datetime
 from enum import StrEnum
 from functools import cached_property
@@ -27,6 +27,7 @@ from lighting.fields import (
     round_significant,
 )
 from lighting.formatting import format_azimuth, format_sun_elevation
+from lighting.frozen import dataclass
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
 

@@ -11,13 +11,14 @@ import re
 import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.fields import describe_fields
+from lighting.frozen import dataclass
 from lighting.map_options import OptionText, check_option, option
 
 if TYPE_CHECKING:

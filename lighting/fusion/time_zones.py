@@ -6,11 +6,12 @@ that the clock shows.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import lru_cache
 
 from lighting.errors import CodedWarning, WarningCode
+from lighting.frozen import dataclass
 from lighting.photo.clock import nearest_utc_offset
 from lighting.photo.metadata import PhotoMetadata
 

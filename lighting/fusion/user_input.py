@@ -3,13 +3,14 @@
 import math
 import reprlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from datetime import datetime
 
 import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, describe_fields
+from lighting.frozen import dataclass
 from lighting.fusion.marks import (
     DrawnCamera,
     KnownCamera,

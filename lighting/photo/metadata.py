@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import datetime
 from enum import StrEnum
 from itertools import product
@@ -19,6 +19,7 @@ from typing import Any
 from PIL import ExifTags
 
 from lighting.fields import describe_fields
+from lighting.frozen import dataclass
 from lighting.geometry import wrap_azimuth
 from lighting.photo.camera import PhotoFrame, read_lens
 from lighting.photo.clock import read_clock, read_gps_time

@@ -11,7 +11,7 @@ import struct
 import threading
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from io import BytesIO, TextIOBase
 from numbers import Integral
 from pathlib import Path
@@ -34,6 +34,7 @@ from lighting.errors import (
     warn_of_old_name,
 )
 from lighting.fields import describe_fields
+from lighting.frozen import dataclass
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import Layout, find_layout
 from lighting.photo.color_encoding import read_color_encoding

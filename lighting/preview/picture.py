@@ -1,7 +1,6 @@
 """The preview: a picture of a photo's light, with the photo, the sky, the map, three spheres, and all in words."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from textwrap import wrap
 
 import numpy as np
@@ -12,6 +11,7 @@ from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
 from lighting.envmap.projection import photo_camera
 from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
+from lighting.frozen import dataclass
 from lighting.geometry import Floats, Pinhole, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
 from lighting.prediction import EstimatedLight, Segments, check_estimate

@@ -10,7 +10,6 @@ radiance. One that shades by the map alone takes its bounced light from there.
 """
 
 import zlib
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +21,7 @@ from lighting.envmap.render import ground_reflectance, render, sky_irradiance, s
 from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.fields import describe_fields
+from lighting.frozen import dataclass
 from lighting.geometry import Floats, Pinhole
 from lighting.ground import find_sunny_ground, is_in_sun, max_object_meters, spot_warnings
 from lighting.light_probe import main_light, project_latlong
