@@ -90,7 +90,7 @@ def find_sea_horizon(gray: NDArray[np.uint8], segments: Segments) -> tuple[float
     if height < 6 * _BAND:
         return None
     finer = np.add.outer(x, np.linspace(-0.5, 0.5, 4, endpoint=False) / _COARSE[0])
-    column = np.unique(np.clip(finer * width, 0, width - 1).astype(np.intp))
+    column = np.flatnonzero(np.bincount(np.clip(finer * width, 0, width - 1).astype(np.intp).ravel()))
     total = _totals(gray[:, column])
     falls, narrow = (_falls(total, band) for band in (_BAND, _BAND // 2))
     x, reach = (column + 0.5) / width, 2 * height / _CELLS

@@ -265,7 +265,8 @@ def _near_cells(layout: str) -> NDArray[np.float32]:
 def _are_near(directions: Floats, cells: Floats) -> NDArray[np.float32]:
     """1 where a cell (N,) lies within 22.5 deg of a direction (M,), else 0."""
     cosine = directions.astype(np.float32) @ cells.astype(np.float32).T
-    return (cosine >= np.float32(math.cos(math.radians(_CANDIDATE_RADIUS)))).astype(np.float32)
+    limit = np.float32(math.cos(math.radians(_CANDIDATE_RADIUS)))
+    return np.greater_equal(cosine, limit, out=cosine, casting="unsafe")
 
 
 @lru_cache(maxsize=1)

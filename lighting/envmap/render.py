@@ -540,7 +540,7 @@ def _columns_within(azimuth: float, elevation: float, reach: float, height: int)
     if (beside := _azimuth_reach(elevation, reach)) is None:
         return np.arange(2 * height)
     columns = _cells_between(azimuth + 180.0 - beside, azimuth + 180.0 + beside, height / 180.0)
-    return np.unique(columns % (2 * height))
+    return np.flatnonzero(np.bincount(columns % (2 * height)))  # numpy.unique would import masked arrays
 
 
 def _azimuth_reach(elevation: float, reach: float) -> float | None:
