@@ -113,15 +113,15 @@ def _body(content: Json) -> Json:
 
 _get_file = partial(router.get, response_class=Response)
 _post_photo = partial(router.post, response_class=Response, openapi_extra=_body(_PHOTO_BODY))
+_ask_of_photo = partial(router.post, responses=_PHOTO_PROBLEMS, openapi_extra=_body(_PHOTO_BODY))  # answers are JSON
+_post_photo_or_record = partial(router.post, response_class=Response, openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY))
 
 
-@router.post(
+@_ask_of_photo(
     "/lighting",
     summary="The light of a photo",
     response_model=LightingEstimate,
     response_description="The record of the light: sun, sky, ground and camera",
-    responses=_PHOTO_PROBLEMS,
-    openapi_extra=_body(_PHOTO_BODY),
 )
 async def _estimate_lighting(
     request: Request, admission: AdmissionDep, photo: PhotoDep, query: Annotated[LightingQuery, Query()]
@@ -158,16 +158,14 @@ async def _render_envmap(request: Request, admission: AdmissionDep, query: Annot
     headers, unchanged = _check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
-    data = await admission.run(tasks.encode_envmap_of_lighting, query.to_lighting(), query)
+    data = await admission.run(tasks.encode_envmap, admission.service, query.to_lighting(), query)
     return _map_response(data, query, headers)
 
 
-@router.post(
+@_post_photo_or_record(
     "/envmap",
     summary="The environment map of a photo or of a lighting record",
-    response_class=Response,
     responses={200: _MAP_RESPONSE, **_PHOTO_PROBLEMS},
-    openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
 )
 async def _estimate_envmap(
     admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[EnvmapQuery, Query()]
@@ -178,9 +176,7 @@ async def _estimate_envmap(
     """
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        data = await admission.run(tasks.encode_envmap_of_lighting, source, query)
-    else:
-        data = await admission.run(tasks.encode_envmap_of_photo, admission.service, source, query)
+    data = await admission.run(tasks.encode_envmap, admission.service, source, query)
     return _map_response(data, query)
 
 
@@ -192,16 +188,14 @@ async def _compute_probe(
     headers, unchanged = _check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
-    data = await admission.run(tasks.encode_probe_of_lighting, query.to_lighting(), query)
+    data = await admission.run(tasks.encode_probe, admission.service, query.to_lighting(), query)
     return Response(data, media_type=JSON_TYPE, headers=headers)
 
 
-@router.post(
+@_post_photo_or_record(
     "/light-probe",
     summary="The light probe of a photo or of a lighting record",
-    response_class=Response,
     responses={200: _PROBE_RESPONSE, **_PHOTO_PROBLEMS},
-    openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
 )
 async def _estimate_probe(
     admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[PhotoProbeQuery, Query()]
@@ -209,17 +203,11 @@ async def _estimate_probe(
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        data = await admission.run(tasks.encode_probe_of_lighting, source, query)
-    else:
-        data = await admission.run(tasks.encode_probe_of_photo, admission.service, source, query)
+    data = await admission.run(tasks.encode_probe, admission.service, source, query)
     return Response(data, media_type=JSON_TYPE)
 
 
-@_post_photo(
-    "/photo",
-    summary="A photo upright, as JPEG",
-    responses={200: _JPEG_RESPONSE, **_PHOTO_PROBLEMS},
-)
+@_post_photo("/photo", summary="A photo upright, as JPEG", responses={200: _JPEG_RESPONSE, **_PHOTO_PROBLEMS})
 async def _show_photo(request: Request, admission: AdmissionDep, photo: PhotoDep) -> Response:
     """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
     await refuse_parameters(request)  # here, for those in a form
@@ -242,13 +230,11 @@ async def _draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotate
     return Response(await admission.run(tasks.encode_ground, admission.service, photo, query), media_type="image/png")
 
 
-@router.post(
+@_ask_of_photo(
     "/ground/lit-spot",
     summary="The nearest ground in the sun",
     response_model=LitSpot,
     response_description="The spot",
-    responses=_PHOTO_PROBLEMS,
-    openapi_extra=_body(_PHOTO_BODY),
 )
 async def _locate_lit_spot(
     admission: AdmissionDep, photo: PhotoDep, query: Annotated[LitSpotQuery, Query()]
@@ -257,13 +243,11 @@ async def _locate_lit_spot(
     return JSONResponse({"spot": await admission.run(tasks.find_lit_spot_in_photo, admission.service, photo, query)})
 
 
-@router.post(
+@_ask_of_photo(
     "/day",
     summary="The light of a day at a photo's place",
     response_model=DayLight,
     response_description="A record for each time from sunrise to sunset",
-    responses=_PHOTO_PROBLEMS,
-    openapi_extra=_body(_PHOTO_BODY),
 )
 async def _plan_day(admission: AdmissionDep, photo: PhotoDep, query: Annotated[DayQuery, Query()]) -> JSONResponse:
     """The sun follows from place and heading, which the file or the client states. The place around is a guess."""

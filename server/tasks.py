@@ -108,27 +108,16 @@ def _photo_label(number: int, files: Sequence[Upload]) -> str:
     return f"{label}, {name}" if (name := files[number - 1].name[:_MAX_NAME_LENGTH]) else label
 
 
-def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery) -> bytes:
-    """Render an environment map of sky and ground, and encode it as a file.
+def encode_envmap(service: Service, source: bytes | Lighting, query: MapQuery) -> bytes:
+    """Render the environment map of a light, or of a photo's, and encode it as a file.
 
     Args:
-        lighting: the light.
-        query: how the map is rendered and written.
+        service: reads a photo and estimates.
+        source: the bytes of a photo, or the light, which has sky and ground alone.
+        query: how the map is rendered and written; of a photo also what the client states and replaces.
     """
-    rendered = render_map(lighting, query.view())
-    check_cancelled()
-    return rendered.encode(query.file_options())
-
-
-def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQuery) -> bytes:
-    """Estimate the light of a photo and encode its environment map.
-
-    Args:
-        service: reads the photo and estimates.
-        data: the bytes of a photo.
-        query: what the client states, replaces and requests.
-    """
-    rendered = _edited_estimate(service, data, query).render(query.view())
+    view = query.view()
+    rendered = render_map(source, view) if isinstance(source, Lighting) else _edit(service, source, query).render(view)
     check_cancelled()
     return rendered.encode(query.file_options())
 
@@ -142,8 +131,9 @@ def _estimate_photo(service: Service, data: bytes, query: queries.UserInputQuery
     return estimate
 
 
-def _edited_estimate(service: Service, data: bytes, query: queries.PhotoEditQuery) -> Estimate:
+def _edit(service: Service, data: bytes, query: queries.Query) -> Estimate:
     """Estimate the light of a photo, with the fields that the client replaces."""
+    assert isinstance(query, queries.PhotoEditQuery)
     return _estimate_photo(service, data, query).edit(query.changes(), query.photo_exposure)
 
 
@@ -159,29 +149,20 @@ def encode_upright_jpeg(service: Service, data: bytes) -> bytes:
         return encode_jpeg(pixels, _UPRIGHT_QUALITY)
 
 
-def encode_probe_of_lighting(lighting: Lighting, query: queries.ProbeQuery) -> bytes:
-    """Compute the light probe of sky and ground, and encode it as JSON.
+def encode_probe(service: Service, source: bytes | Lighting, query: queries.ProbeQuery) -> bytes:
+    """Compute the light probe of a light, or of a photo's, and encode it as JSON.
 
     Args:
-        lighting: the light.
-        query: the engine, yaw and sky.
+        service: reads a photo and estimates.
+        source: the bytes of a photo, or the light, which has sky and ground alone.
+        query: the engine, yaw and sky; of a photo also what the client states and replaces.
     """
     view = query.view()
-    with trace_step("map"):
-        probe = compute_light_probe(light_of_map(lighting, view), sun=view.sun, yaw=view.yaw)
-    with trace_step("encode"):
-        return encode_light_probe(probe, query.tool).encode()
-
-
-def encode_probe_of_photo(service: Service, data: bytes, query: queries.PhotoProbeQuery) -> bytes:
-    """Estimate the light of a photo and encode its probe as JSON.
-
-    Args:
-        service: reads the photo and estimates.
-        data: the bytes of a photo.
-        query: the engine, and what the client states and replaces.
-    """
-    probe = _edited_estimate(service, data, query).probe(query.view())
+    if isinstance(source, Lighting):
+        with trace_step("map"):
+            probe = compute_light_probe(light_of_map(source, view), sun=view.sun, yaw=view.yaw)
+    else:
+        probe = _edit(service, source, query).probe(view)
     with trace_step("encode"):
         return encode_light_probe(probe, query.tool).encode()
 
@@ -253,7 +234,7 @@ def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQ
         data: the bytes of a photo.
         query: the tool, its options, and what the client states and replaces.
     """
-    return _zip_scene(_edited_estimate(service, data, query).make_scene(query.view()), query)
+    return _zip_scene(_edit(service, data, query).make_scene(query.view()), query)
 
 
 def zip_scene_of_sky(query: queries.SkySceneQuery) -> FileWithWarnings:
