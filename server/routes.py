@@ -158,7 +158,7 @@ async def _render_envmap(request: Request, admission: AdmissionDep, query: Annot
     headers, unchanged = _check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
-    data = await admission.run(tasks.encode_envmap, admission.service, query.to_lighting(), query)
+    data = await admission.run(tasks.encode_map, admission.service, query.to_lighting(), query)
     return _map_response(data, query, headers)
 
 
@@ -176,7 +176,7 @@ async def _estimate_envmap(
     """
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-    data = await admission.run(tasks.encode_envmap, admission.service, source, query)
+    data = await admission.run(tasks.encode_map, admission.service, source, query)
     return _map_response(data, query)
 
 

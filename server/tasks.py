@@ -108,7 +108,7 @@ def _photo_label(number: int, files: Sequence[Upload]) -> str:
     return f"{label}, {name}" if (name := files[number - 1].name[:_MAX_NAME_LENGTH]) else label
 
 
-def encode_envmap(service: Service, source: bytes | Lighting, query: MapQuery) -> bytes:
+def encode_map(service: Service, source: bytes | Lighting, query: MapQuery) -> bytes:
     """Render the environment map of a light, or of a photo's, and encode it as a file.
 
     Args:

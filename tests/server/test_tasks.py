@@ -55,7 +55,7 @@ def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: 
 
 def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service) -> None:
     query = EnvmapQuery.model_validate({"height": 32})
-    image, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_envmap, service, PHOTO, query)))
+    image, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_map, service, PHOTO, query)))
     (answer,) = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO)], LightingsQuery.model_validate({}))
     assert image.shape == (32, 64, 3)
     assert lighting == answer.estimate.lighting
@@ -117,7 +117,7 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
     stated = {"sun_irradiance": "3.9,4.3,3.4", "sky_irradiance": "0.3,0.6,1.1", "ground_color": "0.1,0.2,0.3"}
     asked = {**stated, "height": 32, "sky_exposure": 2.0, "sky_cover": 0.5}
     query = EnvmapQuery.model_validate(asked)
-    _, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_envmap, service, PHOTO, query)))
+    _, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_map, service, PHOTO, query)))
     assert lighting
     assert (lighting.sun_irradiance, lighting.sky_irradiance) == ((3.9, 4.3, 3.4), (0.3, 0.6, 1.1))
     assert (lighting.ground_color, lighting.sky_cover, lighting.exposure) == ((0.1, 0.2, 0.3), 0.5, 2.0)
@@ -131,9 +131,9 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
 
 def test_the_camera_that_the_client_states_is_that_of_the_map_and_of_the_scene(service: Service) -> None:
     asked = {"height": 32, "camera_elevation": -12.5, "camera_roll": 3.25, "camera_vertical_fov": 33.0}
-    data = in_a_thread(tasks.encode_envmap, service, PHOTO, EnvmapQuery.model_validate({"height": 32}))
+    data = in_a_thread(tasks.encode_map, service, PHOTO, EnvmapQuery.model_validate({"height": 32}))
     _, before = read_exr(BytesIO(data))
-    data = in_a_thread(tasks.encode_envmap, service, PHOTO, EnvmapQuery.model_validate(asked))
+    data = in_a_thread(tasks.encode_map, service, PHOTO, EnvmapQuery.model_validate(asked))
     _, lighting = read_exr(BytesIO(data))
     assert before
     assert lighting == replace(before, camera_elevation=-12.5, camera_roll=3.25, vertical_fov=33.0)
@@ -150,7 +150,7 @@ def test_a_photo_is_as_bright_as_it_is_at_the_exposure_that_is_said_of_it(lit_ne
 
     def maps(**exposures: float) -> Any:
         query = EnvmapQuery.model_validate({**power, "height": 32, "surroundings": "true", **exposures})
-        return read_exr(BytesIO(in_a_thread(tasks.encode_envmap, service, PHOTO, query)))[0]
+        return read_exr(BytesIO(in_a_thread(tasks.encode_map, service, PHOTO, query)))[0]
 
     np.testing.assert_allclose(maps(exposure=2.0, photo_exposure=2.0), maps(), rtol=1e-3)
     assert not np.allclose(maps(exposure=2.0), maps(), rtol=0.1)
