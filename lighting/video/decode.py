@@ -193,11 +193,13 @@ def _resize_picture(picture: Any, width: int, height: int, pixel_format: str, sc
 # The open clip.
 
 FRAME_SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
+VIEW_SIDE = 1000  # pixels of the longer side of a frame that maps show
 DECODING_THREADS = 2  # that decode a clip
 MAX_CLIP_PIXELS = 8192 * 4608  # of a picture: what cameras call 8K
 _DURATION_TAG = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _MIN_JUMP_BACK = 3.0  # frames by which times jump back between joined recordings; less is out of order
 _MAX_TIME = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
+_MAX_KEPT = 4  # pictures; each takes as much memory as the file's frame
 _SAMPLES = 10  # frames by which a border and lettering are found
 _MAX_DECODED_GAP = 1.0  # s between them that are decoded rather than skipped
 _MAX_SAMPLED_PICTURES = 400  # that are decoded for them
@@ -275,7 +277,8 @@ class Clip:
             self._scaler = _picture_scaler()
             self._packet_ticks = 0  # duration of the last packet, in the stream's time base
             self._pictures = self._decode()
-            self._first = self._decoded_first()
+            self._first = self._last = self._decoded_first()
+            self._kept: dict[int, Any] = {}  # pictures by their frames' indices
             self.form = form or ClipForm(curve)
             self.info = self._describe() if form is None else self._shape()
         except BaseException:
@@ -310,13 +313,32 @@ class Clip:
                 continue
             last, end = time, time + _picture_duration(picture, self._packet_ticks)
             if only is None or index in only:
-                with trace_step("decode"):
-                    shape = self._stream.codec_context, self.side, self._aspect, self.form
-                    pixels = _upright_pixels(picture, *shape, self._scaler)
-                    if (overlay := self.form.framing.overlay) is not None:
-                        pixels = fill_overlay(pixels, overlay)
-                yield Frame(index, time, pixels)
+                self._last = picture
+                yield Frame(index, time, self._frame_pixels(picture, self.side, self._scaler))
         self._note_damage(end, lost)
+
+    def keep_picture(self, index: int) -> None:
+        """Keep the picture of the frame that was read last, and few of those before.
+
+        Args:
+            index: of that frame.
+        """
+        self._kept = dict([*self._kept.items(), (index, self._last)][-_MAX_KEPT:])
+
+    def kept_pixels(self, index: int) -> NDArray[np.uint8] | None:
+        """Return a frame's pixels (h, w, 3) sRGB, its longer side VIEW_SIDE pixels; None where it is not kept.
+
+        Args:
+            index: of the frame.
+        """
+        picture = self._kept.get(index)
+        return None if picture is None else self._frame_pixels(picture, VIEW_SIDE, None)
+
+    def _frame_pixels(self, picture: Any, side: int, scaler: Any) -> NDArray[np.uint8]:
+        with trace_step("decode"):
+            pixels = _upright_pixels(picture, self._stream.codec_context, side, self._aspect, self.form, scaler)
+            overlay = self.form.framing.overlay
+            return pixels if overlay is None else fill_overlay(pixels, overlay)
 
     def _note_damage(self, end: float, lost: int) -> None:
         """Write down what is missing; `end` is when [s] the last picture is over."""

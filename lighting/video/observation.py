@@ -57,6 +57,7 @@ from lighting.video.tracking import (
     PointTracker,
     ShotObservations,
     TrackedFrame,
+    choose_sharpest,
     match_keyframes,
 )
 
@@ -292,8 +293,10 @@ def _select_frames(tracked: ShotObservations, positions: Sequence[int]) -> ShotO
 class _ClipObserver:
     """Takes a clip's frames one by one, and hands out what was gathered of each shot."""
 
-    def __init__(self, model: Model, every: float, vertical_fov: float | None) -> None:
-        self._model, self._every, self._due = model, every, 0.0
+    def __init__(
+        self, model: Model, every: float, vertical_fov: float | None, keep: Callable[[int], object] | None
+    ) -> None:
+        self._model, self._every, self._due, self._keep_picture = model, every, 0.0, keep
         self._last_look = -math.inf
         self._vertical_fov = vertical_fov
         self._tracker, self._dissolves = PointTracker(), DissolveDetector()
@@ -301,6 +304,7 @@ class _ClipObserver:
         self._steps: list[TrackedFrame] = []
         self._keys: dict[int, Keyframe] = {}
         self._estimates: dict[int, FrameEstimate] = {}
+        self._rivals: dict[int, FrameEstimate] = {}  # for the shot's map, of the stretch that is being followed
         self._size = (0, 0)
 
     def take(self, frame: Frame) -> Iterator[ShotObservations]:
@@ -314,6 +318,8 @@ class _ClipObserver:
         self._steps.append(step)
         if (key := self._tracker.new_key) is not None:
             self._keys[key.number] = key
+        if step.is_start:
+            self._rivals = {}
         if step.is_start and step.frame > 0:  # where every frame begins a stretch, not every one is looked at
             self._due = min(self._due, self._last_look + MIN_LOOK_INTERVAL)
         if frame.time >= self._due:
@@ -354,8 +360,11 @@ class _ClipObserver:
         self._due = frame.time
         if not (is_dark(frame.pixels) or is_blank(frame.pixels)):
             self._last_look = frame.time
-            self._estimates[frame.index] = estimate_frame(self._model, frame.pixels, self._vertical_fov)
+            estimate = estimate_frame(self._model, frame.pixels, self._vertical_fov)
+            self._estimates[frame.index] = self._rivals[frame.index] = estimate
             self._due = frame.time + self._every - 1e-6
+            if self._keep_picture is not None and choose_sharpest(self._rivals) == frame.index:
+                self._keep_picture(frame.index)
 
     def _is_check_due(self, stretch: int) -> bool:
         """Whether a new stretch has just become long enough to see if it is a new shot."""
@@ -371,6 +380,7 @@ def observe_shots(
     every: float = NETWORK_INTERVAL,
     progress: Callable[[float], object] | None = None,
     vertical_fov: float | None = None,
+    keep: Callable[[int], object] | None = None,
 ) -> Iterator[ShotObservations]:
     """Track a clip and hand out what each shot shows, as soon as it is over.
 
@@ -382,8 +392,9 @@ def observe_shots(
         every: s between the frames that the network sees; it sees the first of each shot.
         progress: called with the time [s] of each frame; None is not called.
         vertical_fov: deg, of the lens; None is unknown.
+        keep: called with the index of the frame read last, where maps would show it by now; None is not called.
     """
-    observer, interruption = _ClipObserver(model, every, vertical_fov), None
+    observer, interruption = _ClipObserver(model, every, vertical_fov, keep), None
     try:
         for frame in frames:
             yield from observer.take(frame)

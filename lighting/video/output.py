@@ -7,8 +7,8 @@ A scene is that of the shot's first frame, as `lighting scene` writes it. Beside
 tool's entry of EXPORTERS has it; the sun stands still, and the map has no disc.
 
 All maps of a shot show its light, and the place as the same frame shows it, with the same detail, so that nothing
-changes from one to the next. That frame is decoded again, by a second reader that follows the first. Where scenes are
-written, it is kept as a PNG until then.
+changes from one to the next. That frame was kept while the clip was read, or it is decoded again, by a second reader
+that follows the first. Where scenes are written, it is kept as a PNG until then.
 
 The film is the clip with its light drawn in: the horizon, the sun or an arrow to it, and three balls lit as the place
 is.
@@ -63,12 +63,10 @@ from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
 from lighting.tracing import trace_step
-from lighting.video.decode import Clip, ClipForm, local_address
+from lighting.video.decode import VIEW_SIDE, Clip, ClipForm, local_address
 from lighting.video.observation import NETWORK_INTERVAL
 from lighting.video.shot import FrameLight, Shot, analyze_shots, frame_lights, lighting_in_frame, shot_lighting
 from lighting.video.tracking import ClipMetadata
-
-_VIEW_SIDE = 1000  # pixels of the longer side of a frame that maps show
 
 FILM_SIDE = 768  # pixels of the longer side
 BALL_STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
@@ -248,17 +246,16 @@ def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, ta
 
 
 class _ViewReader:
-    """Reads the frames that maps show; a context manager. The clip is opened at the first of them."""
+    """Reads the frames that maps show; a context manager. The clip is opened at the first that was not kept."""
 
-    def __init__(self, path: Path, model: Model, form: ClipForm) -> None:
+    def __init__(self, clip: Clip, model: Model) -> None:
         """Begin.
 
         Args:
-            path: of the clip.
+            clip: an open one, which keeps some pictures.
             model: the network, which tells what frames show.
-            form: of the clip's pictures.
         """
-        self._path, self._model, self._form, self._wanted = path, model, form, set[int]()
+        self._first, self._model, self._wanted = clip, model, set[int]()
         self._clip: Clip | None = None
 
     def __enter__(self) -> Self:
@@ -283,12 +280,19 @@ class _ViewReader:
         """
         if shot.view is None:
             return None
+        index = int(shot.frames[shot.view.index])
+        if (pixels := self._first.kept_pixels(index)) is None:
+            pixels = self._read_again(index)
+        return None if pixels is None else _view_context(shot, pixels, self._model, detail=detail)
+
+    def _read_again(self, index: int) -> NDArray[np.uint8] | None:
+        """A frame's pixels (h, w, 3) sRGB from the clip; None where it ends before."""
         if self._clip is None:
-            self._clip = Clip(self._path, _VIEW_SIDE, form=self._form)
+            self._clip = Clip(self._first.path, VIEW_SIDE, form=self._first.form)
             self._frames = self._clip.frames(self._wanted)
-        self._wanted.add(int(shot.frames[shot.view.index]))
+        self._wanted.add(index)
         frame = next(self._frames, None)
-        return None if frame is None else _view_context(shot, frame.pixels, self._model, detail=detail)
+        return None if frame is None else frame.pixels
 
 
 def _view_context(shot: Shot, pixels: NDArray[np.uint8], model: Model, *, detail: bool) -> PhotoContext | None:
@@ -508,7 +512,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
         OSError: a file cannot be read or written.
     """
     result, lights, kept = VideoResult(), list[FrameLight](), _Kept()
-    with Clip(job.source, curve=job.curve) as clip, _ViewReader(job.source, model, clip.form) as views:
+    with Clip(job.source, curve=job.curve) as clip, _ViewReader(clip, model) as views:
         ClipMetadata.of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:

@@ -63,13 +63,13 @@ from lighting.video.tracking import (
     Keyframe,
     ShotObservations,
     chain_gains,
+    choose_sharpest,
     estimate_frame_rotation,
     is_reliable,
     match_keyframes,
 )
 
 MIN_AGREEMENT = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
-_SUITABLE_TOLERANCE = 0.1  # below the most suitable frame's probability, within which the sharpest frame is chosen
 _NIGHT_FALLS = "By time and place it is night at {:.1f} s: such frames do not count."
 _ZOOM_LOST = "The zoom is unknown in {:.0f} % of the frames: headings may be off."
 _FEW_AGREE = "Only {:.0f} % of the points agree in most frames: headings may be off."
@@ -420,8 +420,7 @@ def _choose_view(estimates: Mapping[int, FrameEstimate], path: _CameraPath) -> _
     followed = [i for i in panoramas if not path.bridged[i]] or list(panoramas)
     if not followed:
         return None
-    least = max(lights[i].suitable for i in followed) - _SUITABLE_TOLERANCE
-    index = max((i for i in followed if lights[i].suitable >= least), key=lambda i: estimates[i].sharpness)
+    index = choose_sharpest({i: estimates[i] for i in followed})
     return _ShotView(index, panoramas[index])
 
 
@@ -599,7 +598,8 @@ def analyze_shots(
         ParameterError: the user's time and place are of night at the clip's first frame.
     """
     clip_metadata = ClipMetadata.of_clip(clip, user_input)
-    for tracked in observe_shots(clip.frames(), model, every, progress, clip_metadata.vertical_fov):
+    known_fov = clip_metadata.vertical_fov
+    for tracked in observe_shots(clip.frames(), model, every, progress, known_fov, clip.keep_picture):
         try:
             yield solve_shot(tracked, clip_metadata)
         except VideoError as error:

@@ -9,7 +9,7 @@ Where the camera walks, near things obey no rotation; then that of the essential
 (registration/two_view.py).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from functools import cached_property, partial
@@ -66,6 +66,7 @@ _LIGHT_SIDE = 160  # pixels of the longer side in which a gain is measured
 _MIN_LIT_SHARE = 0.02  # share of the picture that must be neither black nor clipped
 _CODES = np.arange(256)
 _LINEAR_TABLE = np.where((_CODES > 8) & (_CODES < 248), SRGB_LINEAR, np.float32(np.nan))  # NaN where black or clipped
+_SUITABLE_TOLERANCE = 0.1  # below the most suitable frame's probability, within which the sharpest frame is chosen
 GAP_KEYFRAMES = 2  # keyframes to either side of a gap that are compared
 
 
@@ -337,6 +338,22 @@ class FrameEstimate:
     """The same by a camera with the clip's known lens, where it has one."""
     sharpness: float = 0.0
     """Mean difference of neighboring pixels, gray levels."""
+
+    @property
+    def suitable(self) -> float:
+        """Probability that the frame suits an estimate, as `Light.suitable` has it; 0 where the network tells none."""
+        return 0.0 if self.prediction.light is None else self.prediction.light.suitable
+
+
+def choose_sharpest(estimates: Mapping[int, FrameEstimate]) -> int:
+    """Return the key of the sharpest of the most suitable frames, the first of equals.
+
+    Args:
+        estimates: one or more.
+    """
+    least = max(estimate.suitable for estimate in estimates.values()) - _SUITABLE_TOLERANCE
+    suitable = [key for key, estimate in estimates.items() if estimate.suitable >= least]
+    return max(suitable, key=lambda key: estimates[key].sharpness)
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,6 +79,27 @@ def test_ten_bits_are_read_by_their_curve(tmp_path: Path, curve: str, number: in
     assert np.ptp(pixels) <= 3
 
 
+def test_few_pictures_are_kept(tmp_path: Path) -> None:
+    path = write_clip(tmp_path / "a.mp4", [np.full((64, 64, 3), 30 * n, np.uint8) for n in range(8)])
+    with Clip(path) as clip:
+        shown = {}
+        for frame in clip.frames():
+            clip.keep_picture(frame.index)
+            shown[frame.index] = frame.pixels
+        kept = {n: pixels for n in shown if (pixels := clip.kept_pixels(n)) is not None}
+    assert list(kept) == [4, 5, 6, 7]
+    assert all(np.array_equal(pixels, shown[n]) for n, pixels in kept.items())
+
+
+@pytest.mark.parametrize("size", [(160, 90), (133, 75)])
+def test_planes_have_the_levels_of_packed_pixels(size: tuple[int, int]) -> None:
+    frame = av.VideoFrame.from_ndarray(pan(1, 0.0)[0], format="rgb24").reformat(format="yuv420p")
+    planes, packed = (
+        decode._resize_picture(frame, *size, name, decode._picture_scaler()) for name in ("gbrp", "rgb24")
+    )
+    np.testing.assert_array_equal(planes, packed)
+
+
 def test_each_frame_has_its_own_time(tmp_path: Path) -> None:
     times = [0.0, 0.04, 0.2, 0.21, 0.5]
     path = write_clip(tmp_path / "a.mp4", pan(5), times=times)

@@ -33,8 +33,9 @@ from lighting.model import Model
 from lighting.preview.drawing import text_width
 from lighting.records import Lighting, LightProbe
 from lighting.video import output
+from lighting.video.decode import Clip
 from lighting.video.observation import estimate_frame
-from lighting.video.output import _draw_overlay, _fit_layout
+from lighting.video.output import _draw_overlay, _fit_layout, _ViewReader
 from lighting.video.shot import FrameLight
 from tests.conftest import LIT, write_network
 from tests.helpers.cameras import poles
@@ -476,6 +477,20 @@ def test_the_map_shows_the_sharpest_frame_where_its_camera_saw_it(results: Path)
     inside = np.s_[30:-30, 30:-30]
     assert np.corrcoef(shown[inside].ravel(), photo[inside].ravel())[0, 1] > 0.8
     assert np.corrcoef(plain[inside].ravel(), photo[inside].ravel())[0, 1] < 0.7
+
+
+def test_a_frame_that_was_kept_is_the_one_that_is_read_again(
+    lit_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clip = write_clip(tmp_path / "cut.mp4", [*pan(24, 5.0), *pan(24, 5.0, seed=3)])
+    options = ("--model", lit_network, "--height", 64, "--every", 0.1)
+    with monkeypatch.context() as patches:
+        patches.setattr(_ViewReader, "_read_again", None)
+        assert run(clip, "-o", tmp_path / "kept", *options).exit_code == 0
+    monkeypatch.setattr(Clip, "kept_pixels", lambda _clip, _index: None)
+    assert run(clip, "-o", tmp_path / "again", *options).exit_code == 0
+    for name in ("lighting.jsonl", "shot-1.exr", "shot-2.exr"):
+        assert (tmp_path / "kept" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
 
 def test_maps_of_frames_and_scene_show_the_same_place(results: Path) -> None:
