@@ -37,6 +37,19 @@ BACKDROPS = ("city", "waterfront", "parking", "garden", "meadow", "forest", "sho
 """Kinds of the places whose detail a map shows around its photo."""
 
 
+Names = Collection[str] | Callable[[], Collection[str]]
+"""A registry, which is read when it is asked, so that entries added meanwhile count; or a function that gives one."""
+
+
+def names_in(registry: Names) -> tuple[str, ...]:
+    """Return the names as they are now.
+
+    Args:
+        registry: of names, or a function that imports it.
+    """
+    return tuple(registry() if callable(registry) else registry)
+
+
 @dataclass(frozen=True)
 class OptionText:
     """What people read of an option."""
@@ -49,8 +62,8 @@ class OptionText:
     """Of a number."""
     example: float | None = None
     """Such a number."""
-    choices: Callable[[], Collection[str]] | None = None
-    """The names that it takes, as their registry has them now."""
+    choices: Names | None = None
+    """The names that it takes."""
 
 
 def option(default: Any, text: OptionText) -> Any:
@@ -85,8 +98,9 @@ def check_option(record: type, name: str, value: object) -> None:
     text: OptionText = next(f for f in fields(record) if f.name == name).metadata["text"]
     if text.range is not None:
         check_range(name, value, *text.range)
-    if text.choices is not None and not (isinstance(value, str) and value in text.choices()):
-        predicate = f"is {reprlib.repr(value)}; the known ones are {', '.join(text.choices())}."
+    names = None if text.choices is None else names_in(text.choices)
+    if names is not None and not (isinstance(value, str) and value in names):
+        predicate = f"is {reprlib.repr(value)}; the known ones are {', '.join(names)}."
         raise ParameterError.about(name, predicate, ErrorCode.UNKNOWN)
 
 
@@ -112,7 +126,7 @@ class Adjustments:
         OptionText(
             "use this one of the suns that the answer lists: 2 or 3 in place of the first",
             "N",
-            choices=lambda: ("1", "2", "3"),
+            choices=("1", "2", "3"),
         ),
     )
     """Number, 1 to 3, of the sun in `Lighting.sun_candidates` that shines; also as a text. None: the answer's."""
@@ -171,7 +185,7 @@ class MapOptions:
         OptionText(
             lambda: f"the sky's shape: {format_sky_models(' or ')}, which are advanced",
             "MODEL",
-            choices=lambda: SKY_MODELS,
+            choices=SKY_MODELS,
         ),
     )
     """One of `lighting.sky.SKY_MODELS`, which paints the sky. None: the record's."""
@@ -181,13 +195,13 @@ class MapOptions:
             "around the photo: the place with its detail, the photo alone and smoothly on, or plain sky and ground; "
             "by default the place, where the network predicts it",
             "NAME",
-            choices=lambda: [kind.value for kind in Around],
+            choices=tuple(kind.value for kind in Around),
         ),
     )
     """One of Around. None: "place" where the network predicts it, else "plain"."""
     backdrop: str | None = option(
         None,
-        OptionText("the kind of place around the photo; by default what suits it", "NAME", choices=lambda: BACKDROPS),
+        OptionText("the kind of place around the photo; by default what suits it", "NAME", choices=BACKDROPS),
     )
     """One of BACKDROPS, of which the detail around the photo is. None: what suits the photo."""
     disc: bool = option(True, OptionText("paint the sun's disc; without it the sun still lights the ground"))

@@ -1,7 +1,7 @@
 """The types of parameters and of record fields, each with unit, range and example in the OpenAPI document."""
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -20,7 +20,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, c
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
 from lighting.fusion.user_input import read_headings
-from lighting.map_options import Adjustments, OptionText, parse_sun
+from lighting.map_options import Adjustments, Names, OptionText, names_in, parse_sun
 from lighting.photo.timestamps import parse_time, parse_utc_offset
 from lighting.records import GROUND_ALBEDO
 
@@ -38,24 +38,19 @@ class NotNull:
 class RegistryName:
     """A name in a registry, which is read late, so that entries added after import count."""
 
-    def __init__(self, registry: Collection[str] | Callable[[], Collection[str]]) -> None:
-        self._registry = registry
-
-    @property
-    def registry(self) -> Collection[str]:
-        """The names now."""
-        return self._registry() if callable(self._registry) else self._registry
+    def __init__(self, registry: Names) -> None:
+        self.registry = registry
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_after_validator_function(self._check, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {**handler(schema), "enum": list(self.registry)}
+        return {**handler(schema), "enum": list(names_in(self.registry))}
 
     def _check(self, name: str) -> str:
-        if name in self.registry:
+        if name in (names := names_in(self.registry)):
             return name
-        *others, last = map(repr, self.registry)
+        *others, last = map(repr, names)
         raise PydanticKnownError("literal_error", {"expected": f"{', '.join(others)} or {last}"})
 
 

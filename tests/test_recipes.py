@@ -82,12 +82,14 @@ def test_a_route_has_keys_problems_and_a_description_without_another_line(client
 
 # What a contributor writes for an option "mirror": a field of MapOptions, and its use in render_map.
 MIRROR = """
-import dataclasses, sys
+import dataclasses
 from lighting import map_options
-mirror = map_options.option(False, map_options.OptionText("mirror the map"))
-Options = dataclasses.make_dataclass(
-    "MapOptions", [("mirror", bool, mirror)], bases=(map_options.MapOptions,), frozen=True
-)
+from lighting.frozen import dataclass
+
+@dataclass(frozen=True)
+class Options(map_options.MapOptions):
+    mirror: bool = map_options.option(False, map_options.OptionText("mirror the map"))
+
 map_options.MapOptions, map_options.DEFAULT_MAP = Options, Options()
 from lighting import photo_estimate
 render_map = photo_estimate.render_map

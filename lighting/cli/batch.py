@@ -17,7 +17,7 @@ import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.photos import DOUBTED_STATUS, UNSUITABLE_STATUS, batch_input_options
+from lighting.cli.photos import DOUBTED_STATUS, DRAWN, UNSUITABLE_STATUS, input_options_but
 from lighting.files import FileOptions, escape_undecodable, join_words
 from lighting.frozen import dataclass
 from lighting.map_options import MapOptions
@@ -84,7 +84,7 @@ class _Options:
     "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True, help="What runs the workers."
 )
 @click.option("--address", metavar="ADDRESS", help="Address of a Ray cluster; a local one is started by default.")
-@batch_input_options
+@input_options_but("time", "heading", *DRAWN)
 @click.option(
     "--table",
     metavar="FILE.csv",

@@ -1,7 +1,7 @@
 """Options that several commands share: their types, and those of maps, files, outputs and networks."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from functools import partial, wraps
@@ -20,9 +20,11 @@ from lighting.map_options import (
     Adjustments,
     Around,
     MapOptions,
+    Names,
     OptionText,
     around_of_switches,
     check_height,
+    names_in,
     option_texts,
     parse_exposure,
     parse_sun,
@@ -90,12 +92,12 @@ class FileName(click.ParamType):  # type: ignore[type-arg]  # as below
 class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click before 8.4 knows none of
     """A name in a registry, which is read when it is needed: what was added to it meanwhile counts."""
 
-    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
-        self.names, self.case_sensitive = names, True
+    def __init__(self, registry: Names) -> None:
+        self.registry, self.case_sensitive = registry, True
 
     @property
     def choices(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(self.names())
+        return names_in(self.registry)
 
     def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:  # noqa: ARG002
         """Return what to type where an option is missing."""

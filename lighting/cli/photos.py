@@ -162,8 +162,14 @@ headings_option = click.option(
 )
 
 
-def _options(*names: str) -> Decorator:
-    return record_options("user_input", partial(_make_user_input, names), *(_OPTIONS[name] for name in names))
+def input_options_but(*left_out: str) -> Decorator:
+    """Add the options that fill fields of UserInput; a command receives it as `user_input`.
+
+    Args:
+        left_out: fields that it lacks.
+    """
+    names = [name for name in _OPTIONS if name not in left_out]
+    return record_options("user_input", partial(_make_user_input, names), *map(_OPTIONS.__getitem__, names))
 
 
 def _make_user_input(names: Sequence[str], values: dict[str, Any]) -> "UserInput":
@@ -178,11 +184,8 @@ def _make_user_input(names: Sequence[str], values: dict[str, Any]) -> "UserInput
     return user_input
 
 
-# A command receives these as `user_input`. Contradictions are wrong usage.
-user_input_options = _options(*_OPTIONS)
-_DRAWN = ("shadows", "horizon", "verticals", "reference", "camera", "spot")  # in one photo
-clip_input_options = _options(*(name for name in _OPTIONS if name not in _DRAWN))
-batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading", *_DRAWN)))
+user_input_options = input_options_but()  # contradictions among them are wrong usage
+DRAWN = ("shadows", "horizon", "verticals", "reference", "camera", "spot")  # fields of what is drawn in one photo
 
 
 @dataclass(frozen=True, eq=False, repr=False)

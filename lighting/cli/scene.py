@@ -65,7 +65,7 @@ def _tool_option(tool: str, name: str, option: "ExporterOption") -> click.Option
     "--for",
     "tool",
     required=True,
-    type=common.RegistryChoice(lambda: EXPORTERS),
+    type=common.RegistryChoice(EXPORTERS),
     help="The tool that opens the scene.",
 )
 @common.folder_output(

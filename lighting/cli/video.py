@@ -14,7 +14,7 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
-from lighting.cli.photos import clip_input_options, lights_status
+from lighting.cli.photos import DRAWN, input_options_but, lights_status
 from lighting.files import escape_undecodable, join_words, output_folder_error
 from lighting.map_options import MAX_WHOLE_HEIGHT, Around
 from lighting.scene import EXPORTERS, animated_tools
@@ -63,7 +63,7 @@ def _curves() -> tuple[str, ...]:
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
 @common.map_options("height", "sun", "around", "adjustments", without_detail=Around.PLAIN, max_height=MAX_WHOLE_HEIGHT)
-@clip_input_options
+@input_options_but(*DRAWN)
 @common.model_option
 @common.strict_option
 @common.json_option

@@ -114,7 +114,7 @@ def _color_spaces() -> Sequence[str]:
 class FileOptions:
     """How an environment map is written. A value that the format does not take is a ParameterError."""
 
-    format: str = option("exr", OptionText("OpenEXR, Radiance HDR, or PNG", "NAME", choices=lambda: list(MAP_FORMATS)))
+    format: str = option("exr", OptionText("OpenEXR, Radiance HDR, or PNG", "NAME", choices=MAP_FORMATS))
     """One of MAP_FORMATS; where a file has a name, its suffix says it."""
     compression: str = option(
         "zip", OptionText("how an EXR is packed: zip, pxr24 or none", "NAME", choices=_compressions)
