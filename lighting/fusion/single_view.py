@@ -49,8 +49,6 @@ MAX_TILT_DISAGREEMENT = 20.0  # deg; 1 % of the crops of `val` differ more from 
 _MAX_LEARNED_ELEVATION = 35.0  # deg up and down: the network learned from no steeper cameras and predicts none
 
 _MIN_CHOSEN_SHARE = 0.5  # of the probability, from which on the answer is that of one candidate alone
-
-
 _MAX_SHADOW_DIFFERENCE = 90.0  # deg of azimuth from the pixels' sun; 8 of 8 marks that differed more were wrong
 
 

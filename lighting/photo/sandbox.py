@@ -84,27 +84,19 @@ _MODULES = (  # what Pillow and Python load when a photo first needs it
     *("PngImagePlugin", "TiffImagePlugin", "WebPImagePlugin"),
 )
 _XML_ENCODINGS = ("ascii", "latin-1", "cp1252", "utf-16", "utf-32")
-_ERRORS: dict[str, type[LightingError]] = {
-    kind.__name__: kind for kind in (PhotoError, PhotoTooLargeError, ParameterError)
-}
+_ERRORS: Mapping[str, type[LightingError]] = {e.__name__: e for e in (PhotoError, PhotoTooLargeError, ParameterError)}
 
 
 @dataclass(frozen=True)
 class _DecodeRequest:
     """A photo to read, the limits of `read_photo`, and one of time."""
 
-    size: int
-    """Bytes of the photo, which follow."""
-    max_bytes: int
-    """As in `read_photo`."""
-    max_pixels: int
-    """As in `read_photo`."""
-    target: int | None
-    """Target, pixels."""
-    seconds: float
-    """Over 0, that decoding may take."""
-    sidecar: tuple[tuple[str, str], ...] = ()
-    """XMP properties of the files beside the photo, which a worker cannot read."""
+    size: int  # bytes of the photo, which follow
+    max_bytes: int  # as in `read_photo`
+    max_pixels: int  # as in `read_photo`
+    target: int | None  # as in `read_photo`
+    seconds: float  # over 0, that decoding may take
+    sidecar: tuple[tuple[str, str], ...] = ()  # XMP of files beside the photo, which a worker cannot read
 
 
 def read_photo_isolated(
@@ -146,8 +138,7 @@ def read_photo_isolated(
 class _IsolatedOrigin(PhotoOrigin):
     """Where a photo was read from by another process, and is again."""
 
-    seconds: float
-    """That reading may take."""
+    seconds: float  # that reading may take
 
     def read(self, target: int) -> Photo:
         self.check_unchanged()
