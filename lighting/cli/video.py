@@ -3,6 +3,7 @@
 import json
 import shlex
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,8 @@ from lighting.map_options import MAX_WHOLE_HEIGHT, Around
 from lighting.scene import EXPORTERS, animated_tools
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from lighting.fields import Json
     from lighting.fusion.user_input import UserInput
     from lighting.records import Lighting
@@ -107,8 +110,8 @@ def _video(
     outputs.check_apart([clip], [str(job.folder / results.FILM_FILE)] if job.options.film else [])
     network = Model.load(model)
     try:
-        with _progress(clip, quiet) as bar:
-            result = results.process_video(job, network, lambda time: bar.update(round(time, 2) - bar.n))
+        with _progress(clip, quiet) as progress:
+            result = results.process_video(job, network, progress)
     except VideoError as error:
         raise VideoError(f"{escape_path(clip)}: {error}") from error
     except KeyboardInterrupt:
@@ -158,12 +161,16 @@ def _report_interrupt(records: Path) -> None:
         click.echo(f"Interrupted: what was read so far is in {name}; --overwrite starts over.", err=True)
 
 
-def _progress(clip: str, quiet: bool) -> Any:
-    """Seconds of the clip behind a bar, which only a terminal shows."""
+@contextmanager
+def _progress(clip: str, quiet: bool) -> "Iterator[Callable[[float], object] | None]":
+    """What shows seconds of the clip behind a bar; None where no terminal shows it."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
     from tqdm import tqdm
 
-    form = "{desc}: {n:.1f} s of the clip [{elapsed}]"
-    return tqdm(desc=escape_path(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
+    with tqdm(desc=escape_path(clip), bar_format="{desc}: {n:.1f} s of the clip [{elapsed}]") as bar:
+        yield lambda time: bar.update(round(time, 2) - bar.n)
 
 
 def _report(clip: str, result: "VideoResult", quiet: bool) -> None:

@@ -52,8 +52,9 @@ def least_squares(
     prior_weight = np.zeros(len(at)) if prior is None else prior * scale * scale
     center = at.copy() if expected is None else expected
     value = residuals(at)
+    slope = _slope(residuals, at, value)
     for _ in range(_MAX_STEPS):
-        slope, weight = _slope(residuals, at, value), _weights(value, scale)
+        weight = _weights(value, scale)
         normal = (slope * weight[:, None]).T @ slope + np.diag(prior_weight)
         gradient = slope.T @ (weight * value) + prior_weight * (at - center)
         step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
@@ -63,11 +64,12 @@ def least_squares(
             < _cost(value, scale) + prior_weight @ (at - center) ** 2
         ):
             at, value, damping = at + step, candidate, 0.2 * damping
+            slope = _slope(residuals, at, value)
         else:
             damping *= 10.0
         if np.abs(step).max() < 1e-8 or damping > 1e8:
             break
-    return LeastSquaresResult(at, _covariance(_slope(residuals, at, value), value, scale, prior_weight), value)
+    return LeastSquaresResult(at, _covariance(slope, value, scale, prior_weight), value)
 
 
 def _slope(residuals: Residuals, at: Floats, value: Floats) -> Floats:

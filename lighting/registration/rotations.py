@@ -78,7 +78,7 @@ def cross_matrix(vector: Floats) -> Floats:
     Args:
         vector: (..., 3).
     """
-    x, y, z = np.moveaxis(np.asarray(vector, dtype=np.float64), -1, 0)
+    x, y, z = (vector[..., axis] for axis in range(3))
     matrix = np.zeros((*x.shape, 3, 3))
     matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
     matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = z, -y, x

@@ -387,14 +387,11 @@ def test_an_interrupted_shot_is_answered_as_far_as_it_was_read(clip: Path, netwo
 def test_an_interruption_says_where_the_records_are(
     clip: Path, network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Stopping:
-        n = 0.0
+    def stop(time: float) -> None:
+        if time > 0.4:
+            raise KeyboardInterrupt
 
-        def update(self, time: float) -> None:
-            if time > 0.4:
-                raise KeyboardInterrupt
-
-    monkeypatch.setattr("lighting.cli.video._progress", lambda *_: nullcontext(Stopping()))
+    monkeypatch.setattr("lighting.cli.video._progress", lambda *_: nullcontext(stop))
     done = run(clip, "-o", tmp_path / "out", "--model", network, "--height", 32)
     assert done.exit_code == 1
     assert f"what was read so far is in {tmp_path / 'out' / 'lighting.jsonl.part'}" in done.output
