@@ -14,13 +14,7 @@ from lighting.errors import LightingError
 PATH = click.Path(path_type=Path)  # a folder, or a file to read
 FILE = click.Path(path_type=Path, dir_okay=False)  # to write
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-FITS = (
-    "ground",
-    "photo-radii",
-    "sky-color",
-    "sun-color",
-    "sun-power",
-)  # of export.evaluation.fit_constants
+FITS = ("ground", "photo-radii", "sky-color", "sun-color", "sun-power")  # of export.evaluation.fit_constants
 
 
 def _option(name: str, meaning: str, kind: Any = PATH, default: Any = None, **more: Any) -> Decorator:

@@ -124,9 +124,7 @@ class Adjustments:
     pick: int | None = option(
         None,
         OptionText(
-            "use this one of the suns that the answer lists: 2 or 3 in place of the first",
-            "N",
-            choices=("1", "2", "3"),
+            "use this one of the suns that the answer lists: 2 or 3 in place of the first", "N", choices=("1", "2", "3")
         ),
     )
     """Number, 1 to 3, of the sun in `Lighting.sun_candidates` that shines; also as a text. None: the answer's."""
@@ -183,9 +181,7 @@ class MapOptions:
     sky: str | None = option(
         None,
         OptionText(
-            lambda: f"the sky's shape: {format_sky_models(' or ')}, which are advanced",
-            "MODEL",
-            choices=SKY_MODELS,
+            lambda: f"the sky's shape: {format_sky_models(' or ')}, which are advanced", "MODEL", choices=SKY_MODELS
         ),
     )
     """One of `lighting.sky.SKY_MODELS`, which paints the sky. None: the record's."""
@@ -200,8 +196,7 @@ class MapOptions:
     )
     """One of Around. None: "place" where the network predicts it, else "plain"."""
     backdrop: str | None = option(
-        None,
-        OptionText("the kind of place around the photo; by default what suits it", "NAME", choices=BACKDROPS),
+        None, OptionText("the kind of place around the photo; by default what suits it", "NAME", choices=BACKDROPS)
     )
     """One of BACKDROPS, of which the detail around the photo is. None: what suits the photo."""
     disc: bool = option(True, OptionText("paint the sun's disc; without it the sun still lights the ground"))

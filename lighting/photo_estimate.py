@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, column_blocks
 from lighting.envmap.projection import photo_camera, size_in_envmap
-from lighting.envmap.relighting import (
-    adjust_lighting,
-    edit_lighting,
-    edit_photo_light,
-    light_of_map,
-    rotate_lighting,
-)
+from lighting.envmap.relighting import adjust_lighting, edit_lighting, edit_photo_light, light_of_map, rotate_lighting
 from lighting.errors import warn_of_old_name
 from lighting.fields import RANGES, check_range, describe_fields
 from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, join_strips, write_envmap

@@ -61,11 +61,7 @@ class ServiceMetrics:
     """The metrics of one app; routes are labeled by template, so that labels stay few."""
 
     def __init__(
-        self,
-        limiter: WorkLimiter,
-        uploads: UploadLimiter,
-        pending: PendingResponses,
-        connections: ConnectionLimiter,
+        self, limiter: WorkLimiter, uploads: UploadLimiter, pending: PendingResponses, connections: ConnectionLimiter
     ) -> None:
         self.registry = registry = CollectorRegistry()
         self.requests = Counter(

@@ -231,10 +231,7 @@ async def _draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotate
 
 
 @_ask_of_photo(
-    "/ground/lit-spot",
-    summary="The nearest ground in the sun",
-    response_model=LitSpot,
-    response_description="The spot",
+    "/ground/lit-spot", summary="The nearest ground in the sun", response_model=LitSpot, response_description="The spot"
 )
 async def _locate_lit_spot(
     admission: AdmissionDep, photo: PhotoDep, query: Annotated[LitSpotQuery, Query()]

@@ -20,15 +20,7 @@ from PIL import Image
 from export.data.labels import Label, read_labels_of
 from export.data.panoramas import Panorama, decode_srgb, read_picture
 from lighting.color import luminance
-from lighting.geometry import (
-    Floats,
-    Pinhole,
-    camera_directions,
-    camera_pixel,
-    direction,
-    sample_latlong,
-    wrap_azimuth,
-)
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, direction, sample_latlong, wrap_azimuth
 from lighting.model import fit_size
 from lighting.prediction import ModelSpec
 

@@ -59,10 +59,7 @@ _LEFT_OUT = (
 _SATURATION = {"mfecane_1229": 0.3, "syferfontein_6d_clear": 0.4}  # of colors by a low sun
 _LAWN_DEG = {"limpopo_golf_course": (-30.0, -35.5)}  # elevations of a lawn that is reflected over the pit under it
 _KIND_OF = {  # the others are cities
-    "waterfront": (
-        *("mfecane_1172", "mfecane_1176", "mfecane_1225"),
-        *("san_giuseppe_bridge", "venice_dawn_pmndrs"),
-    ),
+    "waterfront": (*("mfecane_1172", "mfecane_1176", "mfecane_1225"), *("san_giuseppe_bridge", "venice_dawn_pmndrs")),
     "parking": ("learner_park",),
     "garden": ("suburban_garden",),
     "meadow": (

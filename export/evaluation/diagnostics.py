@@ -8,10 +8,7 @@ import numpy as np
 
 from export.crops.crops import crop_panorama
 from export.evaluation.failures import draw_contact_sheet, failures_report, find_worst_crops, write_failures
-from export.evaluation.metrics import (
-    Answers,
-    Truth,
-)
+from export.evaluation.metrics import Answers, Truth
 from export.evaluation.predictions import View
 from export.evaluation.reliability import draw_reliability, reliability_curves, reliability_report, temperature_report
 from export.evaluation.report import CONSTANT, turbidity_report

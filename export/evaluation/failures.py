@@ -13,15 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.data.panoramas import write_table
-from export.evaluation.metrics import (
-    FLIP,
-    Answers,
-    Truth,
-    azimuth_error,
-    elevation_error,
-    markdown_table,
-    sun_error,
-)
+from export.evaluation.metrics import FLIP, Answers, Truth, azimuth_error, elevation_error, markdown_table, sun_error
 from lighting.files import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
 

@@ -26,14 +26,7 @@ from lighting.fusion.estimate import apply_photo_colors, build_estimate
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import fuse
 from lighting.fusion.user_input import NO_USER_INPUT
-from lighting.geometry import (
-    Floats,
-    angle_between,
-    angles,
-    direction,
-    latlong_directions,
-    latlong_solid_angle,
-)
+from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, latlong_solid_angle
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array

@@ -19,13 +19,7 @@ from lighting.stereo.light_vectors import Skies, gray_skies
 from lighting.stereo.normal_network import Network
 from lighting.stereo.normal_search import world_to_camera
 from lighting.stereo.output import depth_error, integrate_normals
-from lighting.stereo.solver import (
-    Session,
-    add_model_error,
-    apply_network,
-    fit_turbidity,
-    solve_with_planes,
-)
+from lighting.stereo.solver import Session, add_model_error, apply_network, fit_turbidity, solve_with_planes
 
 # Simulated sessions: a shape photographed over a day, solved from what the photographer knows of it.
 

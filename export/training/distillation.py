@@ -17,17 +17,9 @@ from torch import Tensor
 
 from export.data.panoramas import DataError
 from export.networks.backbone import NetworkOutput
-from export.networks.outdoor import (
-    decode_parameters,
-    mean_of_camera_bins,
-)
-from export.networks.weights import (
-    read_network,
-    read_spec,
-)
-from export.training.dataset import (
-    Batch,
-)
+from export.networks.outdoor import decode_parameters, mean_of_camera_bins
+from export.networks.weights import read_network, read_spec
+from export.training.dataset import Batch
 from lighting.prediction import ModelSpec
 
 _MIN_SHARE = 0.5  # of a blended crop in its picture

@@ -20,11 +20,7 @@ from torch.utils.data import DataLoader
 
 from export.crops.crops import load_sources
 from export.data.panoramas import DataError, Panorama
-from export.networks.outdoor import (
-    build_network,
-    load_weights,
-    network_specs,
-)
+from export.networks.outdoor import build_network, load_weights, network_specs
 from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.weights import (
     CHECKPOINT,

@@ -5,13 +5,8 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from export.networks.backbone import NetworkOutput
-from export.networks.outdoor import (
-    camera_bin_targets,
-    encode_parameters,
-)
-from export.training.dataset import (
-    Batch,
-)
+from export.networks.outdoor import camera_bin_targets, encode_parameters
+from export.training.dataset import Batch
 
 _MIN_LIKELIHOOD = 1e-9
 _PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view

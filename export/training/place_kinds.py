@@ -140,10 +140,7 @@ def _views(panorama: Panorama) -> Iterator[Photo]:
     for number in range(_VIEWS):
         size = _SIZES[rng.integers(len(_SIZES))]
         camera = Pinhole(
-            *size,
-            rng.uniform(*_FIELDS),
-            azimuth=start + number * 360 / _VIEWS,
-            elevation=rng.uniform(*_ELEVATIONS),
+            *size, rng.uniform(*_FIELDS), azimuth=start + number * 360 / _VIEWS, elevation=rng.uniform(*_ELEVATIONS)
         )
         yield photo_from_array(tone_map(sample_latlong(linear, camera_directions(camera))))
 

@@ -101,10 +101,7 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         "--longitude", "--lon", type=Number("11.58"), metavar="DEG", help="Where: positive east."
     ),
     "heading": click.option(
-        "--heading",
-        type=Number("134.2"),
-        metavar="DEG",
-        help="Where the camera points, clockwise from true north.",
+        "--heading", type=Number("134.2"), metavar="DEG", help="Where the camera points, clockwise from true north."
     ),
     "vertical_fov": click.option(
         "--vertical-fov",

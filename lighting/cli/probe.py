@@ -83,10 +83,7 @@ def _pair(text: str, what: str) -> tuple[float, float]:
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
 @click.option("--time", metavar="TIME", callback=parse_time_option, help="2024-06-01T14:30+02:00. [EXIF]")
 @click.option(
-    "--utc-offset",
-    metavar="HOURS",
-    callback=parse_utc_offset_option,
-    help="Zone of local times: +02:00 or 2.",
+    "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Zone of local times: +02:00 or 2."
 )
 @click.option("--latitude", "--lat", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
 @click.option("--longitude", "--lon", type=FiniteRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
@@ -212,11 +209,7 @@ def _moments(shots: Sequence["BracketFiles"], stated: "UserInput") -> list["Mome
 
 
 def _merged(
-    shots: Sequence["BracketFiles"],
-    moments: Sequence["Moment"],
-    settings: "BracketSettings",
-    series: bool,
-    quiet: bool,
+    shots: Sequence["BracketFiles"], moments: Sequence["Moment"], settings: "BracketSettings", series: bool, quiet: bool
 ) -> Iterable["Probe"]:
     """The probes of a series, behind a progress bar, or that of the only bracket."""
     from functools import partial

@@ -62,11 +62,7 @@ def _tool_option(tool: str, name: str, option: "ExporterOption") -> click.Option
     """,
 )
 @click.option(
-    "--for",
-    "tool",
-    required=True,
-    type=common.RegistryChoice(EXPORTERS),
-    help="The tool that opens the scene.",
+    "--for", "tool", required=True, type=common.RegistryChoice(EXPORTERS), help="The tool that opens the scene."
 )
 @common.folder_output(
     "PHOTO-TOOL",

@@ -476,8 +476,7 @@ def read_map_bytes(source: WriteTarget) -> bytes:
             )
         if not isinstance(data := read(), bytes):
             raise EnvironmentMapError(
-                "The file is open as text; open it in binary mode: open(path, 'rb').",
-                code=ErrorCode.WRONG_TYPE,
+                "The file is open as text; open it in binary mode: open(path, 'rb').", code=ErrorCode.WRONG_TYPE
             )
         return data
     try:

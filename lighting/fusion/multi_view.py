@@ -60,12 +60,10 @@ _MAX_UP_DISAGREEMENT = 25.0  # deg, five times what nine of ten photos err in th
 _SUN_MOTION_SCALE = 30.0  # deg of the sun's motion after which the same view is another witness
 
 _SEPARATE_GROUP = CodedWarning(
-    "It does not overlap the first photo: only light says where it points.",
-    WarningCode.TURN_INFERRED,
+    "It does not overlap the first photo: only light says where it points.", WarningCode.TURN_INFERRED
 )
 _SEPARATE_PHOTO = CodedWarning(
-    "It overlaps no other photo: only light says where it points.",
-    WarningCode.TURN_INFERRED,
+    "It overlaps no other photo: only light says where it points.", WarningCode.TURN_INFERRED
 )
 
 

@@ -23,13 +23,7 @@ from lighting.files import FileOptions, encode_envmap, encode_jpeg
 from lighting.files.deflate import encode_png
 from lighting.record_json import record_with_coefficients
 from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene
-from lighting.scene.writer import (
-    Folder,
-    encode_ground_mask,
-    encode_lit_ground,
-    fill_template,
-    read_data_text,
-)
+from lighting.scene.writer import Folder, encode_ground_mask, encode_lit_ground, fill_template, read_data_text
 
 PAGE, SENT_PAGE = "scene.html", "page.html"
 MAX_SENT_BYTES = 6_000_000  # of SENT_PAGE
