@@ -39,8 +39,7 @@ from export.training.dataset import (
     training_panoramas,
     training_photos,
 )
-from export.training.distillation import TeacherEnsemble, add_mirror_images, blend_pictures, blended_shares
-from export.training.losses import training_losses
+from export.training.losses import TeacherEnsemble, add_mirror_images, blend_pictures, blended_shares, training_losses
 from lighting.fields import Json
 from lighting.files import atomic_write, stale_temporaries
 from lighting.prediction import ModelSpec

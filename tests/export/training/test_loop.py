@@ -32,9 +32,8 @@ from export.networks.weights import (
     training_history,
 )
 from export.training.dataset import MAY_CHANGE, Batch, TrainConfig, TrainingCrops
-from export.training.distillation import TeacherEnsemble, add_mirror_images, blend_pictures, blended_shares
 from export.training.loop import _earlier_commits, _learning_rate, _Run, train_network
-from export.training.losses import training_losses
+from export.training.losses import TeacherEnsemble, add_mirror_images, blend_pictures, blended_shares, training_losses
 from export.training.onnx_import import unpack_network
 from lighting.errors import LightingError
 

@@ -22,8 +22,8 @@ from export.training.segmentation import (
     _taught_part,
     _vary_picture,
     read_labelled_pictures,
+    teach_views,
 )
-from export.training.segmentation_teacher import teach_views
 from lighting.model import pad_to_input, preprocess
 from lighting.photo.reader import photo_from_array
 from lighting.prediction import SurfaceClass
