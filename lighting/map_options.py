@@ -12,7 +12,7 @@ from numbers import Integral
 from typing import Any, Self, TypedDict
 
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
-from lighting.fields import RANGES, Json, check_range, convert_numpy_numbers, describe_fields
+from lighting.fields import RANGES, Json, check_range, convert_numpy_numbers
 from lighting.frozen import dataclass
 from lighting.sky import SKY_MODELS, format_sky_models
 
@@ -334,5 +334,4 @@ def parse_exposure(text: str) -> float:
         raise ParameterError.about("exposure", predicate, ErrorCode.MALFORMED) from error
 
 
-describe_fields(Adjustments, MapOptions)
 DEFAULT_MAP = MapOptions()

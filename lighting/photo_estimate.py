@@ -18,7 +18,7 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, column_blocks
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.relighting import adjust_lighting, edit_lighting, edit_photo_light, light_of_map, rotate_lighting
 from lighting.errors import warn_of_old_name
-from lighting.fields import RANGES, check_range, describe_fields
+from lighting.fields import RANGES, check_range
 from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, join_strips, write_envmap
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.frozen import dataclass
@@ -110,9 +110,6 @@ def render_map(
             return RenderedMap(strips, rotate_lighting(light, options.yaw) if options.yaw else light, probe)
         image, shown = render_view(light, options.height, **values)
     return RenderedMap(lambda: iter((image,)), shown, probe)
-
-
-describe_fields(RenderedMap)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -428,6 +425,3 @@ class Estimate(EstimatedLight):
         from lighting.files.deflate import encode_png
 
         return encode_png(np.asarray(self.preview()))
-
-
-describe_fields(Estimate)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
-from lighting.fields import describe_fields
 from lighting.frozen import dataclass
 from lighting.geometry import Floats, fit_in_box
 from lighting.records import Lighting
@@ -281,9 +280,6 @@ class EstimatedLight:
     def warnings(self) -> tuple[str, ...]:
         """Sentences for people, above all about evidence that contradicts the pixels."""
         return self.lighting.warnings
-
-
-describe_fields(ModelSpec, Light, Prediction, SunEstimate, SunDistribution, EstimatedLight)
 
 
 def check_estimate(thing: object) -> None:

@@ -19,7 +19,6 @@ from lighting.fields import (
     Json,
     check_range,
     convert_numpy_numbers,
-    describe_fields,
     flatten_record,
     nest_fields,
     record_path,
@@ -379,9 +378,6 @@ class LightProbe:
     def to_dict(self) -> Json:
         """Return it as `light_probe` of a JSON record."""
         return {"coefficients": [round_all(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
-
-
-describe_fields(SunCandidate, Lighting, MainLight, LightProbe)
 
 
 def _is_within(value: object, low: float, high: float) -> bool:

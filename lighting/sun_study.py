@@ -17,7 +17,6 @@ import numpy as np
 
 from lighting.envmap.relighting import edit_lighting
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, SceneError
-from lighting.fields import describe_fields
 from lighting.files import output_folder_error, write_file
 from lighting.frozen import dataclass
 from lighting.fusion.time_zones import offset_at
@@ -225,6 +224,3 @@ def _sun_path(lighting: Lighting, place: _Place, hours: Sequence[StudyHour]) -> 
         tuple(sun.lighting for sun in suns),
         {code(hour.time): hour.map_name for hour in hours},
     )
-
-
-describe_fields(StudyHour, SunStudy)

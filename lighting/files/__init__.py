@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
-from lighting.fields import describe_fields
 from lighting.frozen import dataclass
 from lighting.map_options import OptionText, check_option, option
 
@@ -153,7 +152,6 @@ class FileOptions:
         return replace(self, format=check_map_name(path))
 
 
-describe_fields(FileOptions)
 DEFAULT_FILE = FileOptions()
 
 

@@ -18,7 +18,6 @@ from typing import Any
 
 from PIL import ExifTags
 
-from lighting.fields import describe_fields
 from lighting.frozen import dataclass
 from lighting.geometry import wrap_azimuth
 from lighting.photo.camera import PhotoFrame, read_lens
@@ -252,9 +251,6 @@ class PhotoMetadata:
     def location(self) -> tuple[float, float] | None:
         """Latitude and longitude [deg], positive north and east; None where they are unknown."""
         return None if self.latitude is None or self.longitude is None else (self.latitude, self.longitude)
-
-
-describe_fields(PhotoMetadata)
 
 
 def read_metadata(

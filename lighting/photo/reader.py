@@ -33,7 +33,6 @@ from lighting.errors import (
     WarningCode,
     warn_of_old_name,
 )
-from lighting.fields import describe_fields
 from lighting.frozen import dataclass
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import Layout, find_layout
@@ -173,9 +172,6 @@ class Photo:
         """The old name of `metadata`; warns of it."""
         warn_of_old_name("lighting.photo.reader.Photo.facts")
         return self.metadata
-
-
-describe_fields(PhotoCrop, PhotoOrigin, Photo)
 
 
 def check_photo(thing: object) -> None:
