@@ -20,7 +20,7 @@ from PIL import Image
 
 from lighting.frozen import dataclass
 from lighting.geometry import Floats, shrink_size
-from lighting.photo.picture_checks import has_seams, stereo_half
+from lighting.photo.picture_checks import has_seams, stereo_half, true_share
 
 _Bytes = NDArray[np.uint8]
 _Mask = NDArray[np.bool_]
@@ -165,8 +165,8 @@ def _shares(box: _Box, size: tuple[int, int], inset: int) -> Rectangle:
 def _pictures_on_background(pixels: NDArray[np.int16], box: _Box) -> list[_Box]:
     """The pictures inside a box, by the first background that shows any; none where it has no border and no gaps."""
     for color, is_border in _background_colors(pixels, box):
-        red, green, blue = np.moveaxis(np.abs(pixels - color), 2, 0)
-        difference = np.maximum(np.maximum(red, green), blue)  # NumPy's own along a short axis is slow
+        red, green, blue = (np.abs(pixels[..., channel] - color[channel]) for channel in range(3))
+        difference = np.maximum(np.maximum(red, green), blue)
         background = difference <= _TOLERANCE
         blocks = [_refine(background, block) for block in _cut(background, box, 0)]
         large = [block for block in blocks if block.area >= _MIN_AREA * box.area]
@@ -228,22 +228,24 @@ def _plain_colors(lines: NDArray[np.int16]) -> list[NDArray[np.int16] | None]:
     """The color (3,) of each line (N, 3, P) of pixels; None where it has several."""
     ordered, size = np.sort(lines, axis=2), lines.shape[2]
     colors = ((ordered[..., (size - 1) // 2] + ordered[..., size // 2]) / 2).astype(np.int16)  # the median
-    is_plain = (np.abs(lines - colors[..., None]).max(axis=1) <= _TOLERANCE).mean(axis=1) >= _GAP_SHARE
+    is_plain = true_share(np.abs(lines - colors[..., None]).max(axis=1) <= _TOLERANCE, 1) >= _GAP_SHARE
     return [color if plain else None for color, plain in zip(colors, is_plain, strict=True)]
 
 
 def _plain_lines(part: NDArray[np.int16]) -> Iterator[NDArray[np.int16]]:
     """The plainest rows in the first, the middle and the last third, where the gaps of a collage may lie."""
-    spread = part[:, ::4, 1].max(axis=1) - part[:, ::4, 1].min(axis=1)
-    for rows in np.array_split(np.arange(len(part)), 3):
-        if len(rows):
-            yield part[rows[int(spread[rows].argmin())]]
+    green = part[:, ::4, 1]
+    spread, start = green.max(axis=1) - green.min(axis=1), 0
+    for third in np.array_split(spread, 3):
+        if len(third):
+            yield part[start + int(third.argmin())]
+        start += len(third)
 
 
 def _cut(background: _Mask, box: _Box, depth: int) -> list[_Box]:
     """The blocks inside a box that rows and columns of background part."""
     part = box.of(background)
-    rows, columns = _runs(part.mean(axis=1) < _GAP_SHARE), _runs(part.mean(axis=0) < _GAP_SHARE)
+    rows, columns = (_runs(true_share(part, axis) < _GAP_SHARE) for axis in (1, 0))
     boxes = [
         _Box(box.left + left, box.top + top, box.left + right, box.top + bottom)
         for top, bottom in rows
@@ -263,8 +265,8 @@ def _runs(values: _Mask) -> list[tuple[int, int]]:
 def _refine(background: _Mask, box: _Box) -> _Box:
     """The block without the noise that JPEG leaves beside its edges."""
     part = box.of(background)
-    top, bottom = _inner_run(part.mean(axis=1))
-    left, right = _inner_run(part.mean(axis=0))
+    top, bottom = _inner_run(true_share(part, 1))
+    left, right = _inner_run(true_share(part, 0))
     return _Box(box.left + left, box.top + top, box.left + right, box.top + bottom)
 
 
@@ -324,7 +326,7 @@ def _edge_jump(difference: NDArray[np.int16], whole: _Box, block: _Box, side: in
     """
     differs = _turn(difference, side) >= _STEP
     whole, block = (_turn_box(box, side, *difference.shape) for box in (whole, block))
-    lines = differs[:, block.left : block.right].mean(axis=1)
+    lines = true_share(differs[:, block.left : block.right], 1)
     outside, inside = lines[max(whole.top, block.top - _REACH)], lines[min(block.top + 1, len(lines) - 1)]
     far, deep = lines[max(whole.top, block.top - _FAR) : block.top - 1], lines[block.top + 1 : block.top + _FAR]
     steep = inside - outside >= _STEEPNESS * (deep.max(initial=inside) - far.min(initial=outside))
@@ -391,7 +393,7 @@ def _end_of_smooth_bar(gray: NDArray[np.int16]) -> int:
 
 def _are_smooth(gray: NDArray[np.int16]) -> _Mask:
     """Whether each row, but the first and the last, bends little to any side."""
-    bent = [(np.abs(np.diff(gray, n=2, axis=axis)) <= _SMOOTH_BEND).mean(axis=1) for axis in (0, 1)]
+    bent = [true_share(np.abs(np.diff(gray, n=2, axis=axis)) <= _SMOOTH_BEND, 1) for axis in (0, 1)]
     return np.asarray(np.minimum(bent[0], bent[1][1:-1]) >= _SMOOTH_SHARE)
 
 

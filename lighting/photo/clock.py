@@ -89,6 +89,8 @@ def read_stamp(value: object) -> Stamp | None:
     Args:
         value: of a tag: "2024:06:01 18:49:00", "2024-06-01T16:49Z" or "2024:06:01 06:49:00 PM".
     """
+    if value is None:  # as most of the many tags that may hold a time are
+        return None
     text = _with_month_number(_plain_text(value).strip("\"'"))
     if seconds := re.fullmatch(_SECONDS, text):
         return Stamp(datetime.fromtimestamp(int(seconds[1]), UTC).replace(tzinfo=None), 0.0)

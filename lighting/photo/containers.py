@@ -27,6 +27,7 @@ _SOI, _EOI, _SOS, _APP1 = 0xD8, 0xD9, 0xDA, 0xE1
 _SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
 _FRAMES = (*_SEQUENTIAL, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 _DCT = (0xC0, 0xC1, 0xC2)  # what any decoder reads
+_CODES = frozenset((*range(0x02, 0xD0), *range(0xD8, 0xFF)))  # of segments: no stuffed byte, TEM, RST0 to RST7 or fill
 _MIN_SEARCH, _MAX_SEARCH = 1 << 9, 1 << 17  # bytes at once: first few, since segments follow each other closely
 
 
@@ -130,17 +131,18 @@ def frame_size(data: bytes) -> tuple[int, int]:
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
     """Marker and position of each of the first picture's segments; not what they hold, nor what follows EOI."""
-    view = np.frombuffer(data, dtype=np.uint8)
-    position = _next_marker(view, 2)
+    position = _next_marker(data, 2)
     while position is not None and (marker := data[position + 1]) not in (_SOI, _EOI):
         yield marker, position
         length = int.from_bytes(data[position + 2 : position + 4])
-        position = _next_marker(view, position + 2 + max(2, length))
+        position = _next_marker(data, position + 2 + max(2, length))
 
 
-def _next_marker(view: NDArray[np.uint8], start: int) -> int | None:
+def _next_marker(data: bytes, start: int) -> int | None:
     """The index of the first 0xFF from `start` on that a marker's code follows."""
-    size = _MIN_SEARCH
+    if start < len(data) - 1 and data[start] == 0xFF and data[start + 1] in _CODES:  # as behind nearly all segments
+        return start
+    view, size = np.frombuffer(data, dtype=np.uint8), _MIN_SEARCH
     while start < view.size - 1:
         part = view[start : start + size + 1]
         marks = (part[:-1] == 0xFF) & (part[1:] != 0)  # rare in a picture, where every 0xFF is stuffed with a 0
@@ -154,7 +156,7 @@ def _next_marker(view: NDArray[np.uint8], start: int) -> int | None:
 
 
 def _is_code(values: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Whether each byte after 0xFF begins a segment: not a stuffed byte, TEM (0 and 1), RST0 to RST7 or fill (0xFF)."""
+    """Whether each byte after 0xFF is one of _CODES."""
     below, above = values - np.uint8(0x02), values - np.uint8(0xD8)  # these wrap round: one comparison for two
     return (below < 0xD0 - 0x02) | (above < 0xFF - 0xD8)
 

@@ -193,7 +193,8 @@ def _has_round_pictures(gray: Floats) -> bool:
     """Whether the corners of both halves are as dark as about the circles of two fisheyes."""
     height, width = gray.shape
     across = width > height
-    halves = np.array_split(gray, 2, axis=1 if across else 0)
+    middle = (max(height, width) + 1) // 2
+    halves = (gray[:, :middle], gray[:, middle:]) if across else (gray[:middle], gray[middle:])
     side = max(2, min(height, width) // 20)
     corners = (half[rows, columns] for half in halves for rows in _ends(side) for columns in _ends(side))
     return all(float(corner.max()) <= _MAX_CORNER for corner in corners)
@@ -216,24 +217,37 @@ def _stereo_correlation(first: Floats, second: Floats) -> float:
     Sky above and ground below correlate in any two photos, and so do bars beside them; rows and columns count without
     their means.
     """
-    if float(np.abs(first.mean(axis=1) - second.mean(axis=1)).mean()) > _STEREO_DIFFERENCE:
-        return 0.0
     width = first.shape[1]
+    weight = np.full(width, 1 / width, dtype=np.float32)
+    if float(np.abs(first @ weight - second @ weight).mean()) > _STEREO_DIFFERENCE:
+        return 0.0
     reach, step = width // 12, max(1, width // 128)
     best = 0.0
     for shift in range(-reach, reach + 1, step):
         a = first[:, max(0, shift) : width + min(0, shift)]
         b = second[:, max(0, -shift) : width + min(0, -shift)]
         a, b = (_without_means(values) for values in (a, b))
-        norm = math.sqrt(float((a * a).sum()) * float((b * b).sum()))
-        best = max(best, float((a * b).sum()) / norm if norm > 0 else 0.0)
+        norm = math.sqrt(float(np.vdot(a, a)) * float(np.vdot(b, b)))
+        best = max(best, float(np.vdot(a, b)) / norm if norm > 0 else 0.0)
     return best
 
 
 def _without_means(values: Floats) -> Floats:
     """The values (h, w) less the means of their rows and columns."""
-    rows = values - values.mean(axis=1, keepdims=True)
-    return np.asarray(rows - rows.mean(axis=0))
+    height, width = values.shape
+    rows = values - (values @ np.full(width, 1 / width, dtype=np.float32))[:, None]
+    rows -= np.full(height, 1 / height, dtype=np.float32) @ rows
+    return rows
+
+
+def true_share(values: NDArray[np.bool_], axis: int) -> Floats:
+    """The mean of truth values along an axis, for which NumPy's own function takes four times as long.
+
+    Args:
+        values: (h, w), up to 65,535 each way.
+        axis: 0 or 1.
+    """
+    return np.asarray(np.add.reduce(values, axis=axis, dtype=np.uint16) / values.shape[axis])
 
 
 def has_seams(gray: NDArray[np.int16]) -> bool:
@@ -255,7 +269,7 @@ def _seams(gray: NDArray[np.int16]) -> tuple[list[float], list[float]]:
         return [], []
     first, last = width // 6, width - width // 6
     steps = np.abs(gray[:, first - 1 : last + 3] - gray[:, first - 3 : last + 1])  # over two columns
-    shares = (2 * steps[:, 2:-2] > 12 + 3 * np.maximum(steps[:, :-4], steps[:, 4:])).mean(axis=0)
+    shares = true_share(2 * steps[:, 2:-2] > 12 + 3 * np.maximum(steps[:, :-4], steps[:, 4:]), 0)
     position = (np.arange(first, last) + 0.5) / width
     regular = np.abs(position[:, None] - _SEAM_POSITIONS).min(axis=1) * width <= 1.0
     return shares.tolist(), shares[regular].tolist()
