@@ -38,7 +38,9 @@ def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
     """
     az, el = np.radians(azimuth), np.radians(elevation)
     level = np.cos(el)
-    return np.stack(np.broadcast_arrays(np.sin(az) * level, np.sin(el), -np.cos(az) * level), axis=-1)
+    vectors = np.empty((*np.broadcast(az, el).shape, 3), dtype=np.result_type(az, el))
+    vectors[..., 0], vectors[..., 1], vectors[..., 2] = np.sin(az) * level, np.sin(el), -np.cos(az) * level
+    return vectors
 
 
 def angles(direction: ArrayLike) -> tuple[Floats, Floats]:
@@ -47,7 +49,8 @@ def angles(direction: ArrayLike) -> tuple[Floats, Floats]:
     Args:
         direction: (..., 3), of any length.
     """
-    x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
+    vectors = np.asarray(direction, dtype=np.float64)
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     azimuth = np.degrees(np.arctan2(x, -z))
     elevation = np.degrees(np.arctan2(y, np.hypot(x, z)))
     return wrap_azimuth(azimuth), elevation
@@ -73,13 +76,18 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> Floats:
         W. Kahan, "How Futile are Mindless Assessments of Roundoff in Floating-Point Computation?", 2006, section 12.
     """
     u, v = _unit(a), _unit(b)
-    half = np.arctan2(np.linalg.norm(u - v, axis=-1), np.linalg.norm(u + v, axis=-1))
+    half = np.arctan2(_length(u - v), _length(u + v))
     return np.asarray(np.degrees(2.0 * half))
 
 
 def _unit(vector: ArrayLike) -> Floats:
     v = np.asarray(vector, dtype=np.float64)
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+    return np.asarray(v / _length(v)[..., None])
+
+
+def _length(vector: Floats) -> Floats:
+    """Lengths (...) of vectors (..., 3), with less to do than np.linalg.norm has."""
+    return np.asarray(np.sqrt(dot_product(vector, vector)))
 
 
 @lru_cache(maxsize=16)
@@ -202,7 +210,9 @@ def camera_directions(camera: Pinhole) -> Floats:
     x = (np.arange(camera.width) + 0.5 - 0.5 * camera.width) / camera.focal_length
     y = (0.5 * camera.height - np.arange(camera.height) - 0.5) / camera.focal_length
     forward = 1 / np.sqrt(1 + x**2 + (y**2)[:, None])
-    return np.asarray(np.stack([x * forward, y[:, None] * forward, forward], axis=-1) @ camera.axes)
+    rays = np.empty((*forward.shape, 3))
+    rays[..., 0], rays[..., 1], rays[..., 2] = x * forward, y[:, None] * forward, forward
+    return np.asarray((rays.reshape(-1, 3) @ camera.axes).reshape(rays.shape))
 
 
 def pixel_ray(camera: Pinhole, point: tuple[float, float]) -> Floats:
@@ -224,7 +234,8 @@ def camera_pixel(direction: ArrayLike, camera: Pinhole) -> Floats:
         direction: (..., 3), of any length.
         camera: whose picture it is.
     """
-    x, y, z = np.moveaxis(np.asarray(direction) @ camera.axes.T, -1, 0)
+    vectors = np.asarray(direction)
+    x, y, z = (vectors.reshape(-1, 3) @ camera.axes.T).T.reshape(3, *vectors.shape[:-1])
     z = np.where(z > 1e-9, z, np.nan)
     focal = camera.focal_length
     return np.stack([0.5 * camera.width + focal * x / z, 0.5 * camera.height - focal * y / z], axis=-1)

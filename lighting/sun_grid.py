@@ -292,7 +292,9 @@ def _lobe_elevations() -> tuple[Floats, Floats]:
 def _bounded_errors(directions: Floats, cells: Floats) -> NDArray[np.float32]:
     """Angles [deg] (C, N) between directions (C, 3) and cells (N, 3), at most _MAX_ERROR."""
     cosine = np.clip(directions.astype(np.float32) @ cells.astype(np.float32).T, np.float32(-1), np.float32(1))
-    return np.asarray(np.minimum(np.degrees(np.arccos(cosine)), np.float32(_MAX_ERROR)))
+    error = np.arccos(cosine, out=cosine)
+    error *= np.float32(180) / np.float32(np.pi)  # as np.degrees does in ten times the time
+    return np.minimum(error, np.float32(_MAX_ERROR), out=error)
 
 
 # Circular statistics.

@@ -230,9 +230,12 @@ def _sky_colors(
 
 def _brightness_steps(gray: NDArray[np.float32]) -> NDArray[np.float32]:
     """How much a picture (h, w) changes from each pixel to its neighbours, the larger step of either direction."""
-    down, across = (np.abs(np.diff(gray, axis=axis)) for axis in (0, 1))
-    down, across = np.pad(down, ((1, 1), (0, 0))), np.pad(across, ((0, 0), (1, 1)))
-    return np.asarray(np.maximum(down[1:], down[:-1]) + np.maximum(across[:, 1:], across[:, :-1]))
+    down, across = np.abs(gray[1:] - gray[:-1]), np.abs(gray[:, 1:] - gray[:, :-1])
+    vertical, horizontal = np.zeros((2, *gray.shape), gray.dtype)
+    vertical[:-1], horizontal[:, :-1] = down, across
+    np.maximum(vertical[1:], down, out=vertical[1:])
+    np.maximum(horizontal[:, 1:], across, out=horizontal[:, 1:])
+    return vertical + horizontal
 
 
 def estimate_ground_albedo(

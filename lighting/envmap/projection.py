@@ -252,12 +252,20 @@ def project_photo(
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     width, rows = size_in_envmap(camera, height)
     camera = replace(camera, width=width, height=rows)
-    x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
+    x, y = np.moveaxis(geometry.camera_pixel(_window_directions(), camera), -1, 0)
     inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false for NaN
     window = geometry.pixel_window(inside, height, 2 * height) or (slice(0, 0), slice(0, 0))
     blocks = column_blocks(height, strip)
     picture = _resize_photo(photo, (width, rows))
     return PhotoProjection(*window, height, picture, camera, blocks)
+
+
+@lru_cache(maxsize=1)
+def _window_directions() -> Floats:
+    """The directions (_WINDOW_ROWS, 2 _WINDOW_ROWS, 3) by which a photo's window is found, to be read alone."""
+    directions = geometry.latlong_directions(_WINDOW_ROWS)
+    directions.setflags(write=False)
+    return directions
 
 
 def _inner_weight(x: Image, y: Image) -> Image:

@@ -390,7 +390,8 @@ def _pool_cells(image: Image) -> Image:
     )
     samples = image.take(rows, axis=0).take(columns, axis=1)
     bands = samples.reshape(_CELL_ROWS, _SAMPLES_PER_CELL, -1).mean(axis=1)
-    return np.asarray(bands.reshape(_CELL_ROWS, 2 * _CELL_ROWS, _SAMPLES_PER_CELL, 3).mean(axis=2))
+    parts = bands.reshape(_CELL_ROWS, 2 * _CELL_ROWS, _SAMPLES_PER_CELL, 3)
+    return np.asarray(sum(parts[:, :, number] for number in range(_SAMPLES_PER_CELL)) / _SAMPLES_PER_CELL)
 
 
 def _panorama_ratio(panorama: Image, bare: Image) -> Image:

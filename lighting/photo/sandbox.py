@@ -342,12 +342,22 @@ def _parse_record(kind: type[_Record], value: object) -> _Record:
     return kind(**{name: _parse(hint, value[name]) for name, hint in hints.items()})
 
 
+@cache
+def _parts(hint: object) -> tuple[object, tuple[object, ...]]:
+    """What a type is made of: Union, UnionType, tuple or None; and its parts."""
+    return get_origin(hint), get_args(hint)
+
+
 def _parse(hint: object, value: object) -> object:
-    parts = get_args(hint)
-    if get_origin(hint) in (Union, UnionType):
+    if hint in (int, str, bool) and type(value) is hint:
+        return value
+    origin, parts = _parts(hint)
+    if origin in (Union, UnionType):
+        if value is None and NoneType in parts:
+            return None
         (some,) = (part for part in parts if part is not NoneType)
-        return None if value is None and NoneType in parts else _parse(some, value)
-    if get_origin(hint) is tuple:
+        return _parse(some, value)
+    if origin is tuple:
         if not isinstance(value, list):
             raise TypeError("not a list")
         parts = parts[:1] * len(value) if parts[1:] == (...,) else parts
@@ -360,8 +370,6 @@ def _parse(hint: object, value: object) -> object:
         return datetime.fromisoformat(value)
     if isinstance(hint, type) and issubclass(hint, Enum):
         return hint(value)
-    if hint in (int, str, bool) and type(value) is hint:
-        return value
     raise TypeError(f"not of the type {hint}")
 
 

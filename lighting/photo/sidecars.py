@@ -14,6 +14,7 @@ import re
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
+from io import FileIO
 from pathlib import Path
 
 from lighting.photo.tags import EXIF_NAMESPACE, MAX_XMP_BYTES, read_number, read_xmp
@@ -56,9 +57,13 @@ def read_sidecar(path: str | os.PathLike[str], read: Callable[[Path], bytes | No
     photo = Path(path)
     properties: dict[str, str] = {}
 
-    def contents(files: Iterator[Path]) -> Iterator[bytes]:
-        found = map(read or _read_start, files)
-        return (data for data in found if data and len(data) <= MAX_SIDECAR_BYTES)
+    folder = str(photo.parent)
+
+    def contents(names: Iterator[str]) -> Iterator[bytes]:
+        for name in names:
+            data = read(photo.with_name(name)) if read else _read_start(f"{folder}{os.sep}{name}")
+            if data and len(data) <= MAX_SIDECAR_BYTES:
+                yield data
 
     for data in contents(_xmp_files(photo)):
         properties = {**_of_capture(read_xmp(data)), **properties}
@@ -72,15 +77,15 @@ def _of_capture(properties: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in properties.items() if name.startswith(_CAPTURE)}
 
 
-def _xmp_files(photo: Path) -> Iterator[Path]:
+def _xmp_files(photo: Path) -> Iterator[str]:
     """Where raw developers write XMP: in place of the photo's suffix, or behind it."""
     other_case = photo.stem + photo.suffix.swapcase()  # of a copy from a machine that tells no case
     for name in (f"{photo.name}.xmp", f"{photo.stem}.xmp", f"{other_case}.xmp"):
-        yield photo.with_name(name)
-        yield photo.with_name(name.removesuffix("xmp") + "XMP")
+        yield name
+        yield name.removesuffix("xmp") + "XMP"
 
 
-def _json_files(photo: Path) -> Iterator[Path]:
+def _json_files(photo: Path) -> Iterator[str]:
     """Where ExifTool and Google Takeout write JSON.
 
     Takeout's is cut for long names and counts copies behind the suffix.
@@ -95,9 +100,9 @@ def _json_files(photo: Path) -> Iterator[Path]:
     for name, number in names:
         for length in range(len(_TAKEOUT_SUFFIX), -1, -1):
             whole = f"{name}{suffix}.{_TAKEOUT_SUFFIX[:length]}".rstrip(".")
-            yield photo.with_name(f"{whole}{number}.json")
-        yield photo.with_name(f"{f'{name}{suffix}'[:_MAX_TAKEOUT_STEM]}{number}.json")
-    yield photo.with_name(f"{_original(photo.stem)}.json")
+            yield f"{whole}{number}.json"
+        yield f"{f'{name}{suffix}'[:_MAX_TAKEOUT_STEM]}{number}.json"
+    yield f"{_original(photo.stem)}.json"
 
 
 def _original(stem: str) -> str:
@@ -107,10 +112,10 @@ def _original(stem: str) -> str:
     return stem if original == composed else original
 
 
-def _read_start(file: Path) -> bytes | None:
-    """The start of a file; None for one that is absent or not to be read."""
+def _read_start(file: str) -> bytes | None:
+    """The start of a file; None for one that is absent, as nearly all are, or not to be read."""
     try:
-        with file.open("rb") as stream:
+        with FileIO(file) as stream:
             return stream.read(MAX_SIDECAR_BYTES + 1)
     except (OSError, ValueError):  # ValueError: a NUL in the name
         return None
