@@ -19,7 +19,7 @@ References:
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -107,7 +107,7 @@ def calibrate_from_lines(prediction: Prediction, gray: _Bytes, vertical_fov: flo
     if known_lens is not None:
         elevation, roll, _ = _posterior_mean(_cameras_near(prediction, known_lens), edges, len(gray))
     fov = math.degrees(2 * math.atan(_tan_half_fov(prediction) * math.exp(log_lens)))
-    return replace(prediction, camera_elevation=elevation, camera_roll=roll, vertical_fov=fov)
+    return prediction.with_camera(elevation, roll, fov)
 
 
 def _known_log_lens(prediction: Prediction, vertical_fov: float | None) -> Floats | None:
@@ -430,4 +430,4 @@ def _angles_to_verticals(lines: _Lines, verticals: Floats, prediction: Predictio
     across = lines.across / np.hypot(right - x * forward, above - y * forward)
     angles = across.T.astype(np.float32) @ verticals.reshape(3, -1).astype(np.float32)
     angles *= _DEGREES  # as np.degrees does in ten times the time
-    return angles
+    return np.asarray(angles)

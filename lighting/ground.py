@@ -231,10 +231,14 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
     """
     small = replace(camera, width=max(1, round(camera.width * _ROWS / camera.height)), height=_ROWS)
     size = small.width, small.height
-    ground, water = (pixel_share(segments, *size, kind) for kind in (SurfaceClass.GROUND, SurfaceClass.WATER))
-    things = pixel_share(segments, *size, *_IN_FRONT)
     rays = geometry.camera_directions(small)
     radius = object_radius(small, -rays[..., 1] / (rays @ small.axes[2]), camera_height)
+    seen = np.flatnonzero(radius.max(axis=1) >= _MIN_RADIUS * _ROWS)
+    if not len(seen):
+        return None
+    first, radius = int(seen[0]), radius[seen[0] :]  # of rows: no ball stands on those above
+    ground, water = (pixel_share(segments, *size, kind) for kind in (SurfaceClass.GROUND, SurfaceClass.WATER))
+    things = pixel_share(segments, *size, *_IN_FRONT)
     stretch = _stretches(small, radius)
     boxes = _Boxes.of_balls(radius)
     score = _spot_scores(ground, radius, boxes) - _STRETCH_COST * (stretch - 1)
@@ -242,7 +246,7 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
     row, column = np.unravel_index(np.argmax(score), score.shape)
     if not np.isfinite(score[row, column]):
         return None
-    x, y = (np.array([column, row]) + 0.5) * [camera.width / small.width, camera.height / small.height]
+    x, y = (np.array([column, first + row]) + 0.5) * [camera.width / small.width, camera.height / small.height]
     return _spot_at(camera, float(x), float(y))
 
 
@@ -268,10 +272,19 @@ def _stated_spot(camera: Pinhole, stated: tuple[float, float]) -> _GroundSpot:
 
 
 def _stretches(camera: Pinhole, radius: Floats) -> Floats:
-    """How much longer than wide (h, w) the picture of the outermost of three balls would be, by its radius (h, w)."""
-    y, x = np.arange(camera.height)[:, None] + 0.5, np.arange(camera.width) + 0.5
+    """How much longer than wide (h, w) the picture of the outermost of three balls would be, by its radius (h, w).
+
+    Here and below, the h rows are the lowest of _ROWS.
+    """
+    y, x = _middles(radius)
     outermost = np.abs(x - camera.width / 2) + (_ROW_WIDTH - 1) * radius
     return np.asarray(np.sqrt(1 + (outermost**2 + (y - camera.height / 2) ** 2) / camera.focal_length**2))
+
+
+def _middles(radius: Floats) -> tuple[Floats, Floats]:
+    """Where the middles of the lowest rows (h, 1) and of the columns (w,) of a picture lie."""
+    rows, columns = radius.shape
+    return np.arange(_ROWS - rows, _ROWS)[:, None] + 0.5, np.arange(columns) + 0.5
 
 
 _Ends = tuple[NDArray[np.intp], NDArray[np.intp]]  # the first row or column (h, w), and the one after the last
@@ -288,9 +301,9 @@ class _Boxes:
     @classmethod
     def of_balls(cls, radius: Floats) -> "_Boxes":
         """Of balls of a radius (h, w) [pixels]."""
-        height, width = radius.shape
-        y, x = np.arange(height)[:, None] + 0.5, np.arange(width) + 0.5
-        return cls(_ends(x, radius, width), _ends(y, _FOOT_HEIGHT * radius, height), _ends(y, radius, height))
+        y, x = _middles(radius)
+        foot, rows = (_ends(y, reach, _ROWS) for reach in (_FOOT_HEIGHT * radius, radius))
+        return cls(_ends(x, radius, radius.shape[1]), foot, rows)
 
 
 def _ends(middle: Floats, reach: Floats, count: int) -> _Ends:
@@ -303,10 +316,10 @@ def _ends(middle: Floats, reach: Floats, count: int) -> _Ends:
 def _spot_scores(ground: NDArray[np.float32], radius: Floats, boxes: _Boxes) -> Floats:
     """How well (h, w) a row of balls would stand in each place, -inf where none can.
 
-    `ground` (h, w) is the probability of ground, `radius` (h, w) that of a ball [pixels].
+    `ground` (_ROWS, w) is the probability of ground, `radius` (h, w) that of a ball [pixels].
     """
     rows, columns = ground.shape
-    y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
+    y, x = _middles(radius)
     under_one = geometry.box_means(ground, boxes.foot, boxes.columns)
     under_all = np.minimum(under_one, np.minimum(*_beside(under_one, radius)))
     fits = (np.abs(x - columns / 2) + _ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
@@ -329,7 +342,7 @@ def _is_free(
 ) -> NDArray[np.bool_]:
     """Where (h, w) three balls of a radius (h, w) [pixels] stand on no water, and cover nothing that is nearer.
 
-    What is nearer stands farther down in the picture. `water` and `things` (h, w) are probabilities.
+    What is nearer stands farther down in the picture. `water` and `things` (_ROWS, w) are probabilities.
     """
     rows = len(radius)
     in_front = geometry.box_means(things, boxes.rows, boxes.columns)

@@ -6,7 +6,7 @@ the photo: 24 x 18 for a landscape photo, 18 x 24 for an upright one.
 
 import json
 import sys
-from dataclasses import field, fields
+from dataclasses import field, fields, replace
 from enum import IntEnum
 from functools import cached_property, lru_cache
 
@@ -232,6 +232,20 @@ class Prediction:
         vector = bayes_direction(self.sun_probability, self.spec.sun_grid)
         vector.flags.writeable = False
         return vector
+
+    def with_camera(self, elevation: float, roll: float, vertical_fov: float | None = None) -> "Prediction":
+        """Return the same with another camera; where the sun is, is not computed again.
+
+        Args:
+            elevation: deg, positive looks up.
+            roll: deg, positive turns the camera clockwise.
+            vertical_fov: deg; None: as it is.
+        """
+        fov = self.vertical_fov if vertical_fov is None else vertical_fov
+        other = replace(self, camera_elevation=elevation, camera_roll=roll, vertical_fov=fov)
+        if (sun := vars(self).get("sun_direction")) is not None:
+            vars(other)["sun_direction"] = sun
+        return other
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ sky to the water, column for column. It counts only where it is long, dark enoug
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -69,7 +68,7 @@ def level_by_sea(
     up /= np.linalg.norm(up)
     elevation, roll = math.degrees(math.asin(up[2])), math.degrees(math.atan2(-up[0], up[1]))
     change = max(abs(elevation - prediction.camera_elevation), abs(roll - prediction.camera_roll))
-    return prediction if change > _MAX_CHANGE else replace(prediction, camera_elevation=elevation, camera_roll=roll)
+    return prediction if change > _MAX_CHANGE else prediction.with_camera(elevation, roll)
 
 
 def find_sea_horizon(gray: NDArray[np.uint8], segments: Segments) -> tuple[float, float] | None:

@@ -294,7 +294,7 @@ def _bounded_errors(directions: Floats, cells: Floats) -> NDArray[np.float32]:
     cosine = np.clip(directions.astype(np.float32) @ cells.astype(np.float32).T, np.float32(-1), np.float32(1))
     error = np.arccos(cosine, out=cosine)
     error *= np.float32(180) / np.float32(np.pi)  # as np.degrees does in ten times the time
-    return np.minimum(error, np.float32(_MAX_ERROR), out=error)
+    return np.asarray(np.minimum(error, np.float32(_MAX_ERROR), out=error))
 
 
 # Circular statistics.

@@ -235,7 +235,7 @@ def _brightness_steps(gray: NDArray[np.float32]) -> NDArray[np.float32]:
     vertical[:-1], horizontal[:, :-1] = down, across
     np.maximum(vertical[1:], down, out=vertical[1:])
     np.maximum(horizontal[:, 1:], across, out=horizontal[:, 1:])
-    return vertical + horizontal
+    return np.asarray(vertical + horizontal)
 
 
 def estimate_ground_albedo(

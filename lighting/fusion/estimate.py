@@ -175,7 +175,7 @@ def refine_camera(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fo
         pixels: (h, w, 3) sRGB.
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
-    gray = shrink_to_gray(pixels)
+    gray, sun = shrink_to_gray(pixels), visible_sun(prediction, pixels)
     refined = calibrate_from_lines(prediction, gray, vertical_fov)
     lens = refined.vertical_fov
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) <= MAX_LENS_RATIO:
@@ -184,8 +184,9 @@ def refine_camera(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fo
         height, width = pixels.shape[:2]
         segments = photo_segments(prediction.segments, width, height)
         refined = level_by_sea(refined, gray, segments, lens, (width, height))
-    sun = None if refined is prediction else visible_sun(prediction, pixels)
-    return refined if sun is None else replace(refined, sun_probability=reproject_sun(prediction, refined, sun))
+    if sun is None or refined is prediction:
+        return refined
+    return replace(refined, sun_probability=reproject_sun(prediction, refined, sun))
 
 
 def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight:

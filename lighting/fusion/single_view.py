@@ -215,7 +215,7 @@ def fuse_gravity(prediction: Prediction, observations: Observations) -> _Gravity
     if (warning := _contradiction(prediction, observations.gravity, observations.subject)) is not None:
         return _GravityFused(prediction, replace(observations, gravity=None), (warning,))
     elevation, roll = _fused_tilt(prediction, observations.gravity)
-    return _GravityFused(replace(prediction, camera_elevation=elevation, camera_roll=roll), observations)
+    return _GravityFused(prediction.with_camera(elevation, roll), observations)
 
 
 def _fuse_drawn_camera(prediction: Prediction, observations: Observations, drawn: DrawnCamera) -> _GravityFused:

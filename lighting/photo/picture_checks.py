@@ -218,8 +218,7 @@ def _stereo_correlation(first: Floats, second: Floats) -> float:
     their means.
     """
     width = first.shape[1]
-    weight = np.full(width, 1 / width, dtype=np.float32)
-    if float(np.abs(first @ weight - second @ weight).mean()) > _STEREO_DIFFERENCE:
+    if float(np.abs(_row_means(first) - _row_means(second)).mean()) > _STEREO_DIFFERENCE:
         return 0.0
     reach, step = width // 12, max(1, width // 128)
     best = 0.0
@@ -227,17 +226,26 @@ def _stereo_correlation(first: Floats, second: Floats) -> float:
         a = first[:, max(0, shift) : width + min(0, shift)]
         b = second[:, max(0, -shift) : width + min(0, -shift)]
         a, b = (_without_means(values) for values in (a, b))
-        norm = math.sqrt(float(np.vdot(a, a)) * float(np.vdot(b, b)))
-        best = max(best, float(np.vdot(a, b)) / norm if norm > 0 else 0.0)
+        norm = math.sqrt(_sum_product(a, a) * _sum_product(b, b))
+        best = max(best, _sum_product(a, b) / norm if norm > 0 else 0.0)
     return best
 
 
 def _without_means(values: Floats) -> Floats:
     """The values (h, w) less the means of their rows and columns."""
-    height, width = values.shape
-    rows = values - (values @ np.full(width, 1 / width, dtype=np.float32))[:, None]
-    rows -= np.full(height, 1 / height, dtype=np.float32) @ rows
-    return rows
+    rows = values - _row_means(values)[:, None]
+    rows -= np.einsum("rc->c", rows) / np.float32(len(rows))
+    return np.asarray(rows)
+
+
+def _sum_product(a: Floats, b: Floats) -> float:
+    """The sum of products (h, w); not by BLAS, whose own memory the limit of a decoder does not provide for."""
+    return float(np.einsum("rc,rc->", a, b))
+
+
+def _row_means(values: Floats) -> Floats:
+    """The means (h,) of the rows of gray levels (h, w), whose sums are exact: a plain area keeps its level."""
+    return np.asarray(np.einsum("rc->r", values) / np.float32(values.shape[1]))
 
 
 def true_share(values: NDArray[np.bool_], axis: int) -> Floats:
