@@ -79,17 +79,11 @@ class _BookPage:
 class Book:
     """The pages of the book, read and rendered when they are asked for."""
 
-    def __init__(self, root: Path | None = None) -> None:
-        """Find the pages.
-
-        Args:
-            root: a clone's folder; None: this package's, or the pages in the wheel.
-        """
-        clone = root or _CLONE
-        is_clone = (clone / _INDEX).is_file()
-        self.docs = clone / "docs" if is_clone else _PACKAGED
+    def __init__(self) -> None:
+        is_clone = (_CLONE / _INDEX).is_file()
+        self.docs = _CLONE / "docs" if is_clone else _PACKAGED
         """The folder that holds the pages and their pictures."""
-        self.pages = tuple(_find_pages(self.docs, clone if is_clone else None))
+        self.pages = tuple(_find_pages(self.docs, _CLONE if is_clone else None))
         """In the order of the contents."""
         self._frame = (_BOOK_FILES / "page.html").read_text(encoding="utf-8")
         self._by_source = {page.source: page for page in self.pages}

@@ -30,6 +30,7 @@ from lighting.probe.sun_detection import ANALYSIS_HEIGHT, DetectedSun, find_sun
 _MAX_STD = 12.0  # deg, of a sun around which a fitted sky is trusted
 _INDEX_STD = 5.0  # deg, of a sun of the index that states no uncertainty
 _OUTLIER = 20.0  # deg
+_RENDERED_SKIES, _RENDERED_ROWS = 60, 128  # that are labelled to see how well that goes
 
 
 @dataclass(frozen=True)
@@ -197,14 +198,9 @@ def _sun_error(label: Label) -> float:
     return float(angle_between(direction(label.found_azimuth, label.found_elevation), true))
 
 
-def _check_rendered(count: int = 60, height: int = 128) -> _RenderedCheck:
-    """Label rendered clear skies, clipped to 8 bits like a photo, half of them with buildings and trees.
-
-    Args:
-        count: of skies.
-        height: rows of each panorama.
-    """
-    scenes = [render_panorama(seed, height, things=8 * (seed % 2)) for seed in range(count)]
+def _check_rendered() -> _RenderedCheck:
+    """Label rendered clear skies, clipped to 8 bits like a photo, half of them with buildings and trees."""
+    scenes = [render_panorama(seed, _RENDERED_ROWS, things=8 * (seed % 2)) for seed in range(_RENDERED_SKIES)]
     scenes = [scene for scene in scenes if scene.sun_visible]
     pictures = [decode_srgb(scene.picture) for scene in scenes]
     suns = [direction(scene.sun_azimuth or 0.0, scene.sun_elevation or 0.0) for scene in scenes]

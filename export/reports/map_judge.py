@@ -59,17 +59,14 @@ def judged_views(image: NDArray[np.float32], pitch: float) -> NDArray[np.uint8]:
     return np.stack([*views, np.round(255 * looked_at(image)[0]).astype(np.uint8)])
 
 
-def judge_features(wheel: Path | None = None) -> Features:
+def _judge_features() -> Features:
     """A function that takes pictures (N, S, S, 3), sRGB, to their class tokens (N, F), all of one length.
 
-    Args:
-        wheel: the network's ONNX file; None is that of the installed wheel.
-
     Raises:
-        DataError: the wheel is not installed.
+        DataError: the network's wheel is not installed.
     """
     network = VisionTransformer().eval()
-    load_wheel(network, wheel)
+    load_wheel(network)
 
     def features(pictures: NDArray[np.uint8]) -> Floats:
         tokens = class_tokens(network, pictures).astype(np.float64)
@@ -89,7 +86,7 @@ def report_map_judge(data: Path, model: Model, count: int, split: str, cache: Pa
         cache: likewise; it gets a file with the features, which is `earlier` to a later run.
         earlier: such a file; None: no pairs.
     """
-    features = judge_features()
+    features = _judge_features()
     panoramas, files = prepare_views(data, model, count, split, cache)
     found: dict[str, list[Floats]] = {"true": [], "maps": []}
     for file, panorama, view in zip(files, panoramas, read_views(files, panoramas), strict=True):
