@@ -7,7 +7,6 @@ sky to the water, column for column. It counts only where it is long, dark enoug
 import math
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats, focal_length
@@ -176,11 +175,19 @@ def _best_line(falls: Floats, x: Floats, line: Floats, reach: float, step: float
 
 def _most_between(values: Floats, top: Floats, bottom: Floats, span: float) -> Floats:
     """The largest of values (h, N), or more, from heights (B, N) down to others that are `span` rows below at most."""
-    count = math.floor(span) + 1
-    padded = np.pad(values, ((0, count - 1), (0, 0)), mode="edge")
     row = np.clip(np.ceil(top), 0, len(values) - 1)
-    inside = sliding_window_view(padded, count, axis=0).max(axis=-1)[row.astype(np.intp), np.arange(values.shape[1])]
+    inside = _largest_below(values, math.floor(span) + 1)[row.astype(np.intp), np.arange(values.shape[1])]
     return np.asarray(np.maximum.reduce([_at(values, top), _at(values, bottom), np.where(row <= bottom, inside, 0)]))
+
+
+def _largest_below(values: Floats, count: int) -> Floats:
+    """The largest of values (h, N) in so many rows from each on, or in those that there are."""
+    largest, rows = values.copy(), 1
+    while rows < count:
+        step = min(rows, count - rows)
+        np.maximum(largest[:-step], largest[step:], out=largest[:-step])
+        rows += step
+    return largest
 
 
 def _along(values: Floats, x: Floats, lines: Floats) -> Floats:
