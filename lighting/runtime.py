@@ -8,6 +8,8 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -200,12 +202,10 @@ class _BlasLimit:
     def __enter__(self) -> None:
         if self.is_given:
             return
-        from threadpoolctl import threadpool_limits
-
         with self._lock:
             if not self._users:
                 _take_blas_control()
-                self._limits = threadpool_limits(1, user_api="blas")
+                self._limits = _blas_libraries().limit(limits=1)
             self._users += 1
 
     def __exit__(self, *_: object) -> None:
@@ -216,6 +216,15 @@ class _BlasLimit:
             if not self._users:
                 _take_blas_control()
                 self._limits.restore_original_limits()
+
+
+@cache
+def _blas_libraries() -> Any:
+    """What limits the library by which NumPy multiplies matrices: found once, since the search takes 2 ms."""
+    from threadpoolctl import ThreadpoolController
+
+    import_module("numpy")  # which loads it
+    return ThreadpoolController().select(user_api="blas")
 
 
 def _take_blas_control() -> None:

@@ -120,7 +120,7 @@ def _path_residual(colors: Floats, cell: float) -> float:
     order = np.argsort(-counts, kind="stable")
     kept = order[: int(np.searchsorted(np.cumsum(counts[order]), _MIN_CELL_SHARE * len(colors))) + 1]
     cells, counts = cell * cells[kept], counts[kept]
-    distances = np.sqrt(np.square(cells[:, None] - cells).sum(axis=2))
+    distances = np.sqrt(sum(np.square(np.subtract.outer(axis, axis)) for axis in cells.T))
     to_all = _tree_distances(distances)
     first, last = np.unravel_index(int(to_all.argmax()), to_all.shape)
     on_path = to_all[first] + to_all[last] <= to_all[first, last] + 1e-6
