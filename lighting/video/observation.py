@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance, srgb_decode
-from lighting.decoding import light_from_vector, light_to_vector, lighting_from_prediction
+from lighting.decoding import light_from_vector, light_to_vector, lighting_from_prediction, sun_from_prediction
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, sky_white_balance
 from lighting.fusion.estimate import screen_prediction
 from lighting.fusion.pooling import (
@@ -436,11 +436,12 @@ def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:
     """The estimate of a frame, in the colors that it shows."""
     if (light := prediction.light) is None:
         return FrameEstimate(prediction)
-    lighting = lighting_from_prediction(prediction)
+    sun = sun_from_prediction(prediction)
+    lighting = lighting_from_prediction(prediction, sun)
     samples = PhotoSamples.of_photo(pixels, lighting)
     if (tint := sky_white_balance(samples, lighting)) is not None:
         prediction = replace(prediction, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
-        lighting = lighting_from_prediction(prediction)
+        lighting = lighting_from_prediction(prediction, sun)
     return FrameEstimate(prediction, estimate_ground_albedo(samples, lighting, light.surroundings))
 
 
