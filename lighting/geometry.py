@@ -207,11 +207,21 @@ def camera_directions(camera: Pinhole) -> Floats:
     Args:
         camera: whose picture is H x W.
     """
-    x = (np.arange(camera.width) + 0.5 - 0.5 * camera.width) / camera.focal_length
-    y = (0.5 * camera.height - np.arange(camera.height) - 0.5) / camera.focal_length
-    forward = 1 / np.sqrt(1 + x**2 + (y**2)[:, None])
+    return rays_through(camera, np.arange(camera.width) + 0.5, np.arange(camera.height)[:, None] + 0.5)
+
+
+def rays_through(camera: Pinhole, x: Floats, y: Floats) -> Floats:
+    """Return unit vectors (..., 3) through points of a camera's picture, in pixels from its upper left corner.
+
+    Args:
+        camera: any.
+        x: (...) to the right.
+        y: (...) down; both broadcast.
+    """
+    x, y = (x - 0.5 * camera.width) / camera.focal_length, (0.5 * camera.height - y) / camera.focal_length
+    forward = 1 / np.sqrt(1 + x**2 + y**2)
     rays = np.empty((*forward.shape, 3))
-    rays[..., 0], rays[..., 1], rays[..., 2] = x * forward, y[:, None] * forward, forward
+    rays[..., 0], rays[..., 1], rays[..., 2] = x * forward, y * forward, forward
     return np.asarray((rays.reshape(-1, 3) @ camera.axes).reshape(rays.shape))
 
 

@@ -19,9 +19,9 @@ from lighting.preview.drawing import WHITE, TextStyle, display_srgb, draw_suns, 
 from lighting.preview.spheres import (
     SphereScene,
     build_sphere_scene,
+    draw_sphere_scene,
     insert_balls,
     limit_pitch,
-    render_sphere_scene,
     sphere_centers,
 )
 
@@ -102,8 +102,7 @@ def _close_up(look: _Look, size: tuple[int, int]) -> Image.Image:
     """Three balls: on the photo's ground, or on a stage where the photo has no spot for them."""
     light = look.estimate.lighting
     if light.spot_direction is None:
-        linear = render_sphere_scene(look.scene, light, *size, supersampling=2)
-        return Image.fromarray(display_srgb(linear)).reduce(2)
+        return Image.fromarray(draw_sphere_scene(look.scene, light, *size))
     picture = insert_balls(Image.fromarray(look.pixels), light, look.scene, look.estimate.segments)
     camera = photo_camera(light, picture.width, picture.height)
     spot = np.array(light.spot_direction)

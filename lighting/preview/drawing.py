@@ -36,7 +36,7 @@ _SUPERSAMPLING = 3
 _SHADE_OPACITY = 0.45  # of the dark background of marks and outlined text
 _LABEL_REACH = 52  # pixels within which the horizon may cross the words beside an arrow
 _CORNER = math.radians(10.0)
-_DISPLAY_ROWS = 16  # worked on at once, few enough for the processor's cache
+_DISPLAYED_AT_ONCE = 1 << 16  # values, few enough for the processor's cache
 _SHOULDER = 0.6  # linear value above which the display curve bends instead of clipping
 
 
@@ -53,15 +53,15 @@ def display_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     """8-bit sRGB of linear values, with a shoulder in place of a hard clip.
 
     Args:
-        linear: (H, W, 3) linear Rec.709, 1 is white.
+        linear: (..., 3) linear Rec.709, 1 is white.
     """
-    shown = np.empty(linear.shape, np.uint8)
-    for start in range(0, len(linear), _DISPLAY_ROWS):
-        rows = slice(start, start + _DISPLAY_ROWS)
-        over = np.maximum(linear[rows] - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
-        bent = np.minimum(linear[rows], _SHOULDER) + np.float32(1 - _SHOULDER) * (1 - np.exp(-over))
-        shown[rows] = srgb_bytes(bent)
-    return shown
+    shown, flat = np.empty(linear.size, np.uint8), linear.reshape(-1)
+    for start in range(0, len(flat), _DISPLAYED_AT_ONCE):
+        part = slice(start, start + _DISPLAYED_AT_ONCE)
+        over = np.maximum(flat[part] - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
+        bent = np.minimum(flat[part], _SHOULDER) + np.float32(1 - _SHOULDER) * (1 - np.exp(-over))
+        shown[part] = srgb_bytes(bent)
+    return shown.reshape(linear.shape)
 
 
 _ToMask = Callable[[ArrayLike], list[Point]]  # where points (N, 2) of a picture lie in a mask

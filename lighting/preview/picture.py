@@ -32,9 +32,9 @@ from lighting.preview.drawing import (
 from lighting.preview.spheres import (
     SphereScene,
     build_sphere_scene,
+    draw_sphere_scene,
     insert_balls,
     limit_pitch,
-    render_sphere_scene,
     sphere_centers,
 )
 from lighting.records import MIN_SUITABLE, Lighting, SunCandidate, describe_candidates, describe_trust
@@ -188,8 +188,7 @@ def draw_candidates_pixels(
 
 
 def _spheres_panel(scene: SphereScene, lighting: Lighting, box: _Box) -> Image.Image:
-    linear = render_sphere_scene(scene, lighting, box.width, box.height, supersampling=2)
-    return Image.fromarray(drawing.display_srgb(linear)).reduce(2)
+    return Image.fromarray(draw_sphere_scene(scene, lighting, box.width, box.height))
 
 
 # Headline, warnings and numbers.

@@ -41,6 +41,7 @@ from lighting.geometry import (
 )
 from lighting.ground import object_radius
 from lighting.prediction import Segments
+from lighting.preview.drawing import display_srgb
 from lighting.records import Lighting
 
 MIRROR, GLOSSY, DIFFUSE = range(3)  # from left to right
@@ -164,18 +165,44 @@ def render_sphere_scene(
         height: pixels.
         supersampling: rays per pixel and side, where neighbouring pixels differ; else one.
     """
-    camera = Pinhole(width, height, VERTICAL_FOV, elevation=limit_pitch(lighting))
+    camera = _scene_camera(lighting, width, height)
     even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
     if supersampling == 1:
         return even
-    fine = replace(camera, width=supersampling * width, height=supersampling * height)
     blocks = np.empty((height, width, supersampling, supersampling, 3), dtype=np.float32)
     blocks[:] = even[:, :, None, None]
-    rays = geometry.camera_directions(fine).astype(np.float32)
-    rays = rays.reshape(height, supersampling, width, supersampling, 3).transpose(0, 2, 1, 3, 4)
     uneven = _is_uneven(even)
-    blocks[uneven] = _trace_rays(rays[uneven], scene)
-    return np.ascontiguousarray(blocks.transpose(0, 2, 1, 3, 4)).reshape(fine.height, fine.width, 3)
+    blocks[uneven] = _trace_rays(_fine_rays(camera, uneven, supersampling), scene)
+    return np.ascontiguousarray(blocks.transpose(0, 2, 1, 3, 4)).reshape(supersampling * height, -1, 3)
+
+
+def draw_sphere_scene(scene: SphereScene, lighting: Lighting, width: int, height: int) -> NDArray[np.uint8]:
+    """The sRGB picture (height, width, 3) of a scene; where neighbouring pixels differ, of four rays a pixel.
+
+    Args:
+        scene: the spheres and their light.
+        lighting: the camera's elevation.
+        width: pixels.
+        height: pixels.
+    """
+    camera = _scene_camera(lighting, width, height)
+    even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
+    picture, uneven = display_srgb(even), _is_uneven(even)
+    fine = display_srgb(_trace_rays(_fine_rays(camera, uneven, _FINE), scene))
+    picture[uneven] = fine.mean(axis=(1, 2)) + 0.5  # rounded
+    return picture
+
+
+def _scene_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
+    return Pinhole(width, height, VERTICAL_FOV, elevation=limit_pitch(lighting))
+
+
+def _fine_rays(camera: Pinhole, pixels: NDArray[np.bool_], parts: int) -> NDArray[np.float32]:
+    """Rays (N, parts, parts, 3) through the N chosen ones (H, W) of a camera's pixels."""
+    step = (np.arange(parts) + 0.5) / parts
+    row, column = np.nonzero(pixels)
+    x, y = column[:, None, None] + step, row[:, None, None] + step[:, None]
+    return geometry.rays_through(camera, x, y).astype(np.float32)
 
 
 def _trace_rays(rays: NDArray[np.float32], scene: SphereScene) -> NDArray[np.float32]:
@@ -712,11 +739,9 @@ def _enlarge(small: NDArray[np.float32], camera: Pinhole, rows: slice) -> NDArra
 def _window_rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
     """Unit vectors (_FINE h, _FINE w, 3) through a window of the picture."""
     step = (np.arange(_FINE) + 0.5) / _FINE
-    x = (np.arange(columns.start, columns.stop)[:, None] + step).ravel() - camera.width / 2
-    y = camera.height / 2 - (np.arange(rows.start, rows.stop)[:, None] + step).ravel()
-    right, up, forward = camera.axes
-    rays = x[None, :, None] * right + y[:, None, None] * up + camera.focal_length * forward
-    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
+    x = (np.arange(columns.start, columns.stop)[:, None] + step).ravel()
+    y = (np.arange(rows.start, rows.stop)[:, None] + step).ravel()
+    return geometry.rays_through(camera, x[None], y[:, None])
 
 
 def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, scene: SphereScene, center: Floats) -> None:
