@@ -66,8 +66,8 @@ _EXCHANGE_ROWS = 24  # of `SphereScene.exchange`, by the direction to a sphere
 _RINGS, _SPOKES = 5, 12  # of rays from a point on the ground to a sphere
 _NORMAL_ROWS = 12  # of `SphereScene.diffuse_irradiance`, by the normal
 _INCOMING_ROWS = 16  # of the directions from which light comes to the diffuse sphere
-_BOUNCES = 2  # of light between spheres and ground
-_BOUNCES_DIMMED = 1  # where that light is nearly right already
+_BOUNCES = (2, 1)  # of light between spheres and ground: how much coarser its tables and rays are in each
+_BOUNCES_DIMMED = (1,)  # where that light is nearly right already
 _EVEN = 0.005  # of square roots of linear values, 1 of 255 levels off the neighbours, up to which one ray will do
 _EPSILON = 1e-9  # stands for no light
 
@@ -314,13 +314,12 @@ def _scale_ground(image: NDArray[np.float32], gain: Floats | float) -> NDArray[n
     return result
 
 
-def _add_bounces(scene: SphereScene, times: int) -> SphereScene:
-    """The scene with the light that its spheres and its ground send to each other, so many times."""
-    rays = [_rays_to_sphere(kind, scene) for kind in range(len(scene.centers))]
-    soft_sky = shrink_envmap(scene.sky, _INCOMING_ROWS)
-    for _ in range(times):
+def _add_bounces(scene: SphereScene, bounces: Sequence[int]) -> SphereScene:
+    """The scene with the light that its spheres and its ground send to each other, of one coarseness for each time."""
+    for coarseness in bounces:
+        rays = [_rays_to_sphere(kind, scene, coarseness) for kind in range(len(scene.centers))]
         scene = replace(scene, exchange=tuple(_exchange(kind, to_it, scene) for kind, to_it in enumerate(rays)))
-        scene = replace(scene, diffuse_irradiance=_diffuse_irradiance(replace(scene, sky=soft_sky)))
+        scene = replace(scene, diffuse_irradiance=_diffuse_irradiance(scene, coarseness))
     return scene
 
 
@@ -328,6 +327,7 @@ def _add_bounces(scene: SphereScene, times: int) -> SphereScene:
 class _RaysToSphere:
     """Rays from N points on the ground to a sphere, R each, which stay the same whatever the light."""
 
+    rows: int  # of the table that they fill, of `SphereScene.exchange`
     rays: Floats  # (N R, 3)
     hits: Floats  # (N R, 3) points on the sphere
     unobstructed: NDArray[np.bool_]  # (N R,) whether no other sphere lies before this one
@@ -335,25 +335,26 @@ class _RaysToSphere:
     weight: Floats  # (N, R) of a mean over what the rays light
 
 
-def _rays_to_sphere(kind: int, scene: SphereScene) -> _RaysToSphere:
+def _rays_to_sphere(kind: int, scene: SphereScene, coarseness: int) -> _RaysToSphere:
     """A ground point sees the center in one direction; the sphere then fills a cone that touches the horizon."""
-    to_center = geometry.latlong_directions(_EXCHANGE_ROWS)[: _EXCHANGE_ROWS // 2].reshape(-1, 3)
-    cones, weight = (part.astype(np.float32) for part in _cones(to_center))
+    rows = _EXCHANGE_ROWS // coarseness
+    to_center = geometry.latlong_directions(rows)[: rows // 2].reshape(-1, 3)
+    cones, weight = (part.astype(np.float32) for part in _cones(to_center, _RINGS // coarseness, _SPOKES // coarseness))
     rays = cones.reshape(-1, 3)
     feet = (scene.centers[kind] - to_center / to_center[:, 1:2]).astype(np.float32)
     points = np.repeat(feet, cones.shape[1], axis=0)
     distances = [ray_sphere(points, rays, center) for center in scene.centers]
     unobstructed = np.all([distances[kind] <= distance for distance in distances], axis=0)
     hits = points + rays * distances[kind][:, None]
-    return _RaysToSphere(rays, hits, unobstructed, sample_latlong(scene.coarse_sky, rays), weight)
+    return _RaysToSphere(rows, rays, hits, unobstructed, sample_latlong(scene.coarse_sky, rays), weight)
 
 
-def _cones(axes: Floats) -> tuple[Floats, Floats]:
+def _cones(axes: Floats, rings: int, spokes: int) -> tuple[Floats, Floats]:
     """Rays (N, R, 3) in cones around axes (N, 3) down to the horizon; weights (N, R) of a mean over what they light."""
-    node, part = np.polynomial.legendre.leggauss(_RINGS)
+    node, part = np.polynomial.legendre.leggauss(rings)
     rim = np.sqrt(1 - axes[:, 1] ** 2)
     cosine = (rim[:, None] + (1 - rim[:, None]) * (node + 1) / 2)[:, :, None, None]
-    spoke = (np.arange(_SPOKES) + 0.5)[:, None] * 2 * np.pi / _SPOKES
+    spoke = (np.arange(spokes) + 0.5)[:, None] * 2 * np.pi / spokes
     right = direction(angles(axes)[0] + 90.0, 0.0)
     sideways = np.cos(spoke) * right[:, None] + np.sin(spoke) * np.cross(right, axes)[:, None]
     rays = cosine * axes[:, None, None] + np.sqrt(1 - cosine**2) * sideways[:, None]
@@ -369,23 +370,23 @@ def _exchange(kind: int, paths: _RaysToSphere, scene: SphereScene) -> Floats:
     radiance = _shade_sphere(kind, paths.hits, paths.rays, scene, mirrored=True)
     radiance = np.where(paths.unobstructed[:, None], radiance - paths.background, 0.0)
     upper = (paths.weight[:, None] @ radiance.reshape(*paths.weight.shape, 3))[:, 0]
-    upper = upper.reshape(_EXCHANGE_ROWS // 2, -1, 3)
+    upper = upper.reshape(paths.rows // 2, -1, 3)
     return np.concatenate([upper, upper[::-1]])
 
 
-def _diffuse_irradiance(scene: SphereScene) -> Floats:
+def _diffuse_irradiance(scene: SphereScene, coarseness: int) -> Floats:
     """Irradiance (h, 2h, 3) of the diffuse sphere by a coarse sky, ground and other spheres, by its normals."""
-    rays = geometry.latlong_directions(_INCOMING_ROWS).reshape(-1, 3)
-    normals = geometry.latlong_directions(_NORMAL_ROWS).reshape(-1, 3)
-    weight = np.maximum(normals @ rays.T, 0) * np.repeat(
-        geometry.latlong_solid_angle(_INCOMING_ROWS), 2 * _INCOMING_ROWS
-    )
+    incoming, rows = _INCOMING_ROWS // coarseness, _NORMAL_ROWS // coarseness
+    scene = replace(scene, sky=shrink_envmap(scene.sky, incoming))
+    rays = geometry.latlong_directions(incoming).reshape(-1, 3)
+    normals = geometry.latlong_directions(rows).reshape(-1, 3)
+    weight = np.maximum(normals @ rays.T, 0) * np.repeat(geometry.latlong_solid_angle(incoming), 2 * incoming)
     normal, ray = np.nonzero(weight)
     radiance = np.zeros((*weight.shape, 3), dtype=np.float32)
     points = (scene.centers[DIFFUSE] + normals).astype(np.float32)
     radiance[normal, ray] = _trace(points[normal], rays.astype(np.float32)[ray], scene, DIFFUSE, disc_radius=None)
     total = (weight[:, None] @ radiance)[:, 0] * np.pi / weight.sum(axis=1, keepdims=True)
-    return np.asarray(total.reshape(_NORMAL_ROWS, -1, 3))
+    return np.asarray(total.reshape(rows, -1, 3))
 
 
 # Radiance along rays.
