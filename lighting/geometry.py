@@ -207,10 +207,10 @@ def camera_directions(camera: Pinhole) -> Floats:
     Args:
         camera: whose picture is H x W.
     """
-    return rays_through(camera, np.arange(camera.width) + 0.5, np.arange(camera.height)[:, None] + 0.5)
+    return pixel_directions(camera, np.arange(camera.width) + 0.5, np.arange(camera.height)[:, None] + 0.5)
 
 
-def rays_through(camera: Pinhole, x: Floats, y: Floats) -> Floats:
+def pixel_directions(camera: Pinhole, x: Floats, y: Floats) -> Floats:
     """Return unit vectors (..., 3) through points of a camera's picture, in pixels from its upper left corner.
 
     Args:

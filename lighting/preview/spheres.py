@@ -202,7 +202,7 @@ def _fine_rays(camera: Pinhole, pixels: NDArray[np.bool_], parts: int) -> NDArra
     step = (np.arange(parts) + 0.5) / parts
     row, column = np.nonzero(pixels)
     x, y = column[:, None, None] + step, row[:, None, None] + step[:, None]
-    return geometry.rays_through(camera, x, y).astype(np.float32)
+    return geometry.pixel_directions(camera, x, y).astype(np.float32)
 
 
 def _trace_rays(rays: NDArray[np.float32], scene: SphereScene) -> NDArray[np.float32]:
@@ -742,7 +742,7 @@ def _window_rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
     step = (np.arange(_FINE) + 0.5) / _FINE
     x = (np.arange(columns.start, columns.stop)[:, None] + step).ravel()
     y = (np.arange(rows.start, rows.stop)[:, None] + step).ravel()
-    return geometry.rays_through(camera, x[None], y[:, None])
+    return geometry.pixel_directions(camera, x[None], y[:, None])
 
 
 def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, scene: SphereScene, center: Floats) -> None:
