@@ -202,7 +202,7 @@ def _merge_planes(picture: Any) -> NDArray[np.uint8]:
 
 FRAME_SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 VIEW_SIDE = 1000  # pixels of the longer side of a frame that maps show
-_HD_PIXELS = 1920 * 1088  # of a picture, up to which one thread decodes: two take more time of the CPUs than they save
+_DECODING_THREADS = 2  # that decode a clip
 MAX_CLIP_PIXELS = 8192 * 4608  # of a picture: what cameras call 8K
 _DURATION_TAG = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _MIN_JUMP_BACK = 3.0  # frames by which times jump back between joined recordings; less is out of order
@@ -564,7 +564,7 @@ def _video_stream(container: Any) -> Any:
     if moving[0].width:  # announced; a decoder counts for itself
         _check_pixel_count(moving[0].width, moving[0].height)
     moving[0].thread_type = "AUTO"
-    moving[0].codec_context.thread_count = 1 if moving[0].width * moving[0].height <= _HD_PIXELS else 2
+    moving[0].codec_context.thread_count = _DECODING_THREADS
     return moving[0]
 
 
