@@ -100,11 +100,11 @@ def write_onnx(
     target.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=target.parent) as folder:
         path = Path(folder, target.name)
-        example = torch.zeros(2, 3, spec.height, spec.width)
-        model = trace_onnx(ensemble, example, ensemble.outputs, {0: torch.export.Dim("batch", min=1)})
+        examples = {"photo": torch.zeros(2, 3, spec.height, spec.width)}
+        model = trace_onnx(ensemble, examples, ensemble.outputs, {"photo": {0: torch.export.Dim("batch", min=1)}})
         add_metadata(model, {"spec": spec.to_json(), **_readable(spec), **metadata})
         save_graph(model, path)
-        _check(_parity(ensemble, path), _TOLERANCE)
+        check_parity(_parity(ensemble, path), _TOLERANCE)
         strip_origin(model)
         merge_equal_nodes(model)
         multiply_pointwise(model)
@@ -133,7 +133,7 @@ def _store_as_small_as_agrees(model: Any, ensemble: NetworkEnsemble, path: Path,
         difference = _parity(ensemble, path)
         if difference <= tolerance:
             break
-    return small, _check(difference, tolerance)
+    return small, check_parity(difference, tolerance)
 
 
 def _describe(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec, dict[str, str]]:
@@ -146,31 +146,40 @@ def _describe(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec, 
     return replace(spec, training_data=data, version=version or spec.version), metadata
 
 
-def _check(difference: float, allowed: float) -> float:
+def check_parity(difference: float, allowed: float) -> float:
+    """Return by how much torch and onnxruntime differ; ModelError where that is too much.
+
+    Args:
+        difference: of their answers.
+        allowed: the most.
+    """
     if not difference <= allowed:  # nor is NaN agreement
         raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {allowed:.0e}.")
     return difference
 
 
-def trace_onnx(network: nn.Module, example: Tensor, outputs: Sequence[str], dynamic: dict[int, Any]) -> Any:
+def trace_onnx(
+    network: nn.Module, examples: dict[str, Tensor], outputs: Sequence[str], axes: dict[str, Any], opset: int = _OPSET
+) -> Any:
     """A network as an ONNX model.
 
     Args:
-        network: of one input, which the model calls "photo".
-        example: of the input.
+        network: to trace.
+        examples: of its inputs, by their names, in order.
         outputs: their names.
-        dynamic: the input's axes of any size, each a torch.export.Dim.
+        axes: of each input, by its name, the axes of any size, each a torch.export.Dim.
+        opset: version of ONNX's operators.
     """
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it reports that torchvision's operators are missing
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)  # of the exporter's own use of torch
+        warnings.simplefilter("ignore")  # of the exporter's own use of torch
         program = torch.onnx.export(
             network,
-            (example,),
-            input_names=["photo"],
+            tuple(examples.values()),
+            input_names=list(examples),
             output_names=list(outputs),
-            dynamic_shapes={"photo": dynamic},
-            opset_version=_OPSET,
+            dynamic_shapes=axes,
+            opset_version=opset,
             dynamo=True,
             verbose=False,
         )

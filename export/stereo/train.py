@@ -6,10 +6,8 @@ checkpoint.pt; a run that was stopped goes on where it was.
 
 import csv
 import json
-import logging
 import math
 import time
-import warnings
 from collections import deque
 from dataclasses import asdict, dataclass, field
 from itertools import islice
@@ -21,10 +19,10 @@ import torch
 from torch import Tensor
 
 from export.data.panoramas import DataError
+from export.networks.onnx_export import add_metadata, check_parity, trace_onnx
 from export.networks.weights import CHECKPOINT, read_checkpoint
 from export.stereo.normals_network import NormalsNetwork, ServedNormals
 from export.stereo.samples import NormalsSample, batch_samples, generate_samples, read_meshes
-from lighting.errors import ModelError
 from lighting.files import atomic_write
 from lighting.stereo.normal_network import BY_IMAGE, SHARED, Network, NormalFeatures
 
@@ -205,36 +203,18 @@ def export_normals(run: Path, target: Path, version: str) -> float:
         model = _trace(ServedNormals(network).eval())
         known = {"name": "normals", "version": version, "license": "Apache-2.0"}
         known["training"] = json.dumps(json.loads((run / "config.json").read_text()) | {"out": "", "meshes": ""})
-        for key, value in known.items():
-            entry = model.metadata_props.add()
-            entry.key, entry.value = key, value
+        add_metadata(model, known)
         onnx.checker.check_model(model)
         onnx.save_model(model, str(path), save_as_external_data=False)
-        difference = _parity(network, path)
-    if not difference <= EXPORT_TOLERANCE:
-        raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {EXPORT_TOLERANCE:.0e}.")
-    return difference
+        return check_parity(_parity(network, path), EXPORT_TOLERANCE)
 
 
 def _trace(served: ServedNormals) -> Any:
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     side, moments = torch.export.Dim("side", min=2, max=4096), torch.export.Dim("moments", min=2, max=512)
     tall = torch.export.Dim("tall", min=2, max=4096)
     shapes = {"by_image": {1: moments, 3: 8 * tall, 4: 8 * side}, "shared": {2: 8 * tall, 3: 8 * side}}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the exporter's own use of torch
-        program = torch.onnx.export(
-            served,
-            (torch.zeros(1, 8, BY_IMAGE, 32, 48), torch.ones(1, SHARED, 32, 48)),
-            input_names=["by_image", "shared"],
-            output_names=["normal", "error"],
-            dynamic_shapes=shapes,
-            opset_version=_OPSET,
-            dynamo=True,
-            verbose=False,
-        )
-    assert program is not None
-    return program.model_proto
+    examples = {"by_image": torch.zeros(1, 8, BY_IMAGE, 32, 48), "shared": torch.ones(1, SHARED, 32, 48)}
+    return trace_onnx(served, examples, ["normal", "error"], shapes, _OPSET)
 
 
 def _parity(network: NormalsNetwork, path: Path) -> float:
