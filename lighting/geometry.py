@@ -390,22 +390,6 @@ def clip_slice(middle: float, reach: float, count: int) -> slice:
     return slice(first, max(first, min(count, int(middle + reach) + 1)))
 
 
-def box_means(values: NDArray[np.float32], rows: tuple[Any, Any], columns: tuple[Any, Any]) -> Floats:
-    """Return the means (H, W) of values within boxes of which none is empty.
-
-    Args:
-        values: (H, W).
-        rows: for each pixel the box's first row and the one after its last, whole numbers that broadcast to (H, W).
-        columns: the same of its columns.
-    """
-    sums = np.zeros((len(values) + 1, values.shape[1] + 1))
-    np.cumsum(values.cumsum(axis=0, dtype=np.float64), axis=1, out=sums[1:, 1:])
-    (top, bottom), (left, right) = rows, columns
-    first, end = top * sums.shape[1], bottom * sums.shape[1]
-    total = sums.take(end + right) - sums.take(first + right) - sums.take(end + left) + sums.take(first + left)
-    return np.asarray(total / ((bottom - top) * (right - left)))
-
-
 def _span(cells: NDArray[np.bool_], axis: int, count: int) -> slice:
     """Of `count` pixels along an axis those from the first true cell to the last, and a cell on either side."""
     true, step = np.flatnonzero(cells.any(axis=1 - axis)), count / cells.shape[axis]

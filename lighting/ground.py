@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.shadow_mask import shadow_receivers, stands_in_sun
+from lighting.envmap.shadow_mask import box_means, shadow_receivers, stands_in_sun
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import round_significant
 from lighting.frozen import dataclass
@@ -320,7 +320,7 @@ def _spot_scores(ground: NDArray[np.float32], radius: Floats, boxes: _Boxes) -> 
     """
     rows, columns = ground.shape
     y, x = _middles(radius)
-    under_one = geometry.box_means(ground, boxes.foot, boxes.columns)
+    under_one = box_means(ground, boxes.foot, boxes.columns)
     under_all = np.minimum(under_one, np.minimum(*_beside(under_one, radius)))
     fits = (np.abs(x - columns / 2) + _ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
     stands = (under_one >= _MIN_SUPPORT) & (under_all >= _MIN_ROW_SUPPORT) & (radius >= _MIN_RADIUS * rows)
@@ -345,9 +345,9 @@ def _is_free(
     What is nearer stands farther down in the picture. `water` and `things` (_ROWS, w) are probabilities.
     """
     rows = len(radius)
-    in_front = geometry.box_means(things, boxes.rows, boxes.columns)
+    in_front = box_means(things, boxes.rows, boxes.columns)
     below = np.minimum(np.arange(rows)[:, None] + np.round(radius).astype(np.intp), rows - 1)
     in_front = np.take_along_axis(in_front, below, axis=0)
     in_front = np.maximum(in_front, np.maximum(*_beside(in_front, radius)))
-    wet = geometry.box_means(water, boxes.foot, boxes.columns)
+    wet = box_means(water, boxes.foot, boxes.columns)
     return np.asarray((in_front <= _MAX_IN_FRONT) & (wet <= _MAX_WATER))

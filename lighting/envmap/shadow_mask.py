@@ -5,6 +5,8 @@ is in shade. The sun does not reach it, and it casts no shadow of the sun. Anyth
 shadow falls on lit ground alone.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -14,7 +16,7 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.frozen import dataclass
-from lighting.geometry import Floats, Pinhole, box_means, camera_directions, camera_pixel, clip_slice, shrink_size
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, clip_slice, shrink_size
 from lighting.prediction import THINGS, Segments, pixel_share
 from lighting.records import Lighting, check_lighting
 
@@ -190,6 +192,22 @@ def stands_in_sun(lit: NDArray[np.float32], reach: Floats) -> NDArray[np.bool_]:
     height, width = lit.shape
     rows = _reached(np.arange(height)[:, None] + 0.5, reach, height)
     return np.asarray(box_means(lit, rows, _reached(np.arange(width) + 0.5, reach, width)) >= _MIN_SUNLIT)
+
+
+def box_means(values: NDArray[np.float32], rows: tuple[Any, Any], columns: tuple[Any, Any]) -> Floats:
+    """Return the means (H, W) of values within boxes of which none is empty.
+
+    Args:
+        values: (H, W).
+        rows: for each pixel the box's first row and the one after its last, whole numbers that broadcast to (H, W).
+        columns: the same of its columns.
+    """
+    sums = np.zeros((len(values) + 1, values.shape[1] + 1))
+    np.cumsum(values.cumsum(axis=0, dtype=np.float64), axis=1, out=sums[1:, 1:])
+    (top, bottom), (left, right) = rows, columns
+    first, end = top * sums.shape[1], bottom * sums.shape[1]
+    total = sums.take(end + right) - sums.take(first + right) - sums.take(end + left) + sums.take(first + left)
+    return np.asarray(total / ((bottom - top) * (right - left)))
 
 
 def _reached(middle: Floats, reach: Floats, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

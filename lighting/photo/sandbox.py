@@ -76,6 +76,8 @@ _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more t
 }
 _Record = TypeVar("_Record")
 _hints: Callable[[type], dict[str, object]] = cache(get_type_hints)  # of a record, once
+_origin: Callable[[object], object] = cache(get_origin)  # of a type: Union, UnionType, tuple or None
+_parts: Callable[[object], tuple[object, ...]] = cache(get_args)  # of such a type
 
 _READY = b"ready\n"
 _MAX_HEADER = 1 << 16  # bytes of an answer before its pixels
@@ -176,12 +178,7 @@ class _DecoderProcess:
         atexit.register(self.end)
 
     def read(self, request: _DecodeRequest, data: bytes) -> Photo:
-        """The photo of a request; raises as `read_photo_isolated`.
-
-        Args:
-            request: what to read.
-            data: of the photo.
-        """
+        """The photo of a request; raises as `read_photo_isolated`."""
         try:
             self.prepare()
             answer = self._read_in_time(request, data)
@@ -342,16 +339,10 @@ def _parse_record(kind: type[_Record], value: object) -> _Record:
     return kind(**{name: _parse(hint, value[name]) for name, hint in hints.items()})
 
 
-@cache
-def _parts(hint: object) -> tuple[object, tuple[object, ...]]:
-    """What a type is made of: Union, UnionType, tuple or None; and its parts."""
-    return get_origin(hint), get_args(hint)
-
-
 def _parse(hint: object, value: object) -> object:
     if hint in (int, str, bool) and type(value) is hint:
         return value
-    origin, parts = _parts(hint)
+    origin, parts = _origin(hint), _parts(hint)
     if origin in (Union, UnionType):
         if value is None and NoneType in parts:
             return None
