@@ -1,7 +1,4 @@
-"""CPU count, malloc tuning, functions that are imported when they are called, and helper processes.
-
-Those do work that may have to be stopped: nothing interrupts C code.
-"""
+"""CPU count, malloc tuning, helper processes for work that may have to be stopped: nothing interrupts C code."""
 
 import ctypes
 import os
@@ -9,7 +6,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
@@ -36,20 +33,6 @@ _KEPT = 1 << 28  # bytes of free memory that the process keeps
 _MARGIN = 1 << 20  # bytes, by which a block is smaller than those that are requested from the system
 _BUFFER = 1 << 25  # bytes; larger blocks are requested from the system each time; glibc allows no larger limit
 _helped = threading.local()  # `seconds` of the processes that worked for a thread
-
-
-def import_function(module: str, name: str) -> Callable[..., Any]:
-    """Return a function of a module that is imported when it is first called, for registries that are read at start.
-
-    Args:
-        module: its dotted name.
-        name: of the function.
-    """
-
-    def call(*arguments: Any, **options: Any) -> Any:
-        return getattr(import_module(module), name)(*arguments, **options)
-
-    return call
 
 
 def start_python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":

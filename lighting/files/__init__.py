@@ -14,12 +14,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Self
+from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.frozen import dataclass
 from lighting.map_options import OptionText, check_option, option
-from lighting.runtime import import_function
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,10 +53,28 @@ class _MapFormat:
     """Whether files hold lighting and probe, and say in which colours they are."""
 
 
+def _write_exr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None", **options: Any) -> None:
+    from lighting.files.exr import write_exr
+
+    write_exr(target, image, lighting, **options)
+
+
 def _read_exr(data: bytes) -> "Image":
     from lighting.files.exr import read_exr
 
     return read_exr(io.BytesIO(data))[0]
+
+
+def _write_hdr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None") -> None:
+    from lighting.files.radiance_hdr import write_hdr
+
+    write_hdr(target, image, lighting)
+
+
+def _read_hdr(data: bytes) -> "Image":
+    from lighting.files.radiance_hdr import decode_hdr
+
+    return decode_hdr(data)
 
 
 def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | None") -> None:
@@ -74,18 +91,8 @@ def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | No
 
 
 MAP_FORMATS: dict[str, _MapFormat] = {  # by the suffix of a file, without its dot
-    "exr": _MapFormat(
-        import_function("lighting.files.exr", "write_exr"),
-        "image/x-exr",
-        read=_read_exr,
-        takes_compression=True,
-        has_header=True,
-    ),
-    "hdr": _MapFormat(
-        import_function("lighting.files.radiance_hdr", "write_hdr"),
-        "image/vnd.radiance",
-        read=import_function("lighting.files.radiance_hdr", "decode_hdr"),
-    ),
+    "exr": _MapFormat(_write_exr, "image/x-exr", _read_exr, takes_compression=True, has_header=True),
+    "hdr": _MapFormat(_write_hdr, "image/vnd.radiance", _read_hdr),
     "png": _MapFormat(_write_png, "image/png"),
 }
 

@@ -9,9 +9,10 @@ import os
 import shlex
 from collections.abc import Callable, Collection
 from dataclasses import field
+from importlib import import_module
+from typing import Any
 
 from lighting.frozen import dataclass
-from lighting.runtime import import_function
 
 PLATE, ENVIRONMENT, RECORD = "plate.png", "environment.exr", "lighting.json"
 LIT_GROUND, GROUND = "lit_ground.png", "ground.png"
@@ -58,55 +59,69 @@ class Exporter:
         return self.opened_by.format(file=file, folder=shlex.quote(folder))
 
 
+def _import_function(module: str, name: str) -> Callable[..., Any]:
+    """A function of a module, which is imported when it is first called.
+
+    Args:
+        module: its dotted name.
+        name: of the function.
+    """
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        return getattr(import_module(module), name)(*arguments, **options)
+
+    return call
+
+
 EXPORTERS: dict[str, Exporter] = {
     "blender": Exporter(
-        import_function("lighting.scene.blender", "write_blender"),
+        _import_function("lighting.scene.blender", "write_blender"),
         label="Blender",
         files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
         options={"blend": ExporterOption(help="have Blender write scene.blend, which a double click opens")},
-        animate=import_function("lighting.scene.blender", "animate_blender"),
+        animate=_import_function("lighting.scene.blender", "animate_blender"),
         opened_by="blender --python {file}",
     ),
     "usd": Exporter(
-        import_function("lighting.scene.usd", "write_usd"),
+        _import_function("lighting.scene.usd", "write_usd"),
         label="USD",
         files=("scene.usda", "scene.usdz", *SHARED_FILES),
         options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
-        animate=import_function("lighting.scene.usd", "animate_usd"),
+        animate=_import_function("lighting.scene.usd", "animate_usd"),
         opened_by="usdview {file}, or import it into any program that reads USD; scene.usdz is for AR, without lights",
     ),
     "gltf": Exporter(
-        import_function("lighting.scene.gltf", "write_gltf"),
+        _import_function("lighting.scene.gltf", "write_gltf"),
         label="glTF",
         files=("scene.glb",),
         opened_by="drop {file} into any viewer of glTF, or import it",
     ),
     "filament": Exporter(
-        import_function("lighting.scene.cubemap", "write_filament"),
+        _import_function("lighting.scene.cubemap", "write_filament"),
         label="Filament",
         files=("scene.glb", "environment_ibl.ktx", "environment_skybox.ktx", "sh.txt", "light.json", RECORD),
         opened_by="open {file} at exposure 1, with environment_ibl.ktx beside it as an indirect light of intensity 1",
     ),
     "cubemap": Exporter(
-        import_function("lighting.scene.cubemap", "write_cubemap"),
+        _import_function("lighting.scene.cubemap", "write_cubemap"),
         label="Cubemap",
         files=("scene.glb", "environment.ktx2", *(f"{face}.hdr" for face in CUBE_FACES), RECORD),
         opened_by="open {file}, with environment.ktx2 or the six .hdr beside it as its cubemap",
     ),
     "threejs": Exporter(
-        import_function("lighting.scene.threejs", "write_threejs"),
+        _import_function("lighting.scene.threejs", "write_threejs"),
         label="three.js",
         files=("scene.html",),
         opened_by="open {file} in a browser",
     ),
     "page": Exporter(
-        import_function("lighting.scene.threejs", "write_page"),
+        _import_function("lighting.scene.threejs", "write_page"),
         label="Web page",
         files=("page.html",),
         opened_by="open {file} in any browser, or send it",
     ),
     "godot": Exporter(
-        import_function("lighting.scene.godot", "write_godot"),
+        _import_function("lighting.scene.godot", "write_godot"),
         label="Godot",
         files=(
             *("project.godot", "scene.tscn", "ground.gdshader", "backdrop.gdshader", *SHARED_FILES),
@@ -115,7 +130,7 @@ EXPORTERS: dict[str, Exporter] = {
         opened_by="godot --editor {file}",
     ),
     "unreal": Exporter(
-        import_function("lighting.scene.unreal", "write_unreal"),
+        _import_function("lighting.scene.unreal", "write_unreal"),
         label="Unreal",
         files=(
             *("unreal_scene.py", "unreal_scene.json", "environment.hdr", "ground_albedo.png", "ground_emission.png"),
@@ -125,20 +140,20 @@ EXPORTERS: dict[str, Exporter] = {
         "(not run in the engine yet)",
     ),
     "unity": Exporter(
-        import_function("lighting.scene.unity", "write_unity"),
+        _import_function("lighting.scene.unity", "write_unity"),
         label="Unity",
         files=("scene.unitypackage",),
         opened_by="in Unity, Assets > Import Package > Custom Package: {file}, then Tools > Light from a Photo "
         "(not run in the engine yet)",
     ),
     "fspy": Exporter(
-        import_function("lighting.scene.fspy", "write_fspy"),
+        _import_function("lighting.scene.fspy", "write_fspy"),
         label="fSpy",
         files=("scene.fspy", "camera.json", *SHARED_FILES),
         opened_by="import {file} with fSpy's add-on for Blender, or camera.json beside it with fSpy's other importers",
     ),
     "mitsuba": Exporter(
-        import_function("lighting.scene.mitsuba", "write_mitsuba"),
+        _import_function("lighting.scene.mitsuba", "write_mitsuba"),
         label="Mitsuba",
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),
         opened_by="mitsuba -m scalar_rgb {file}",

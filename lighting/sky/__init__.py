@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.frozen import dataclass
-from lighting.runtime import import_function
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -62,6 +61,12 @@ def _prague(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather
     return prague_radiance(direction, sun_direction, weather.turbidity)
 
 
+def _prague_by_angles(zenith: "Floats", sun: "Floats", sun_elevation: float, turbidity: float) -> "Floats":
+    from lighting.sky.clear_sky import prague_by_angles
+
+    return prague_by_angles(zenith, sun, sun_elevation, turbidity)
+
+
 def _preetham(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
     from lighting.sky.perez import TURBIDITIES, preetham_radiance
 
@@ -82,6 +87,12 @@ def _lalonde_matthews(direction: "ArrayLike", sun_direction: "ArrayLike", weathe
     return lalonde_matthews_sky(direction, sun_direction, weather.turbidity)
 
 
+def _lalonde_matthews_sun(direction: "ArrayLike", sun_direction: "ArrayLike") -> "Floats":
+    from lighting.sky.perez import lalonde_matthews_sun
+
+    return lalonde_matthews_sun(direction, sun_direction)
+
+
 def _cie_overcast(direction: "ArrayLike", _sun_direction: "ArrayLike", _weather: Weather) -> "Floats":
     from lighting.sky.perez import overcast_luminance
 
@@ -99,12 +110,10 @@ PAINTED_SKY = "prague"  # what paints the maps of new estimates, whose record's 
 
 SKY_MODELS: dict[str, SkyModel] = {
     SKY_MODEL: SkyModel(_hosek_wilkie),
-    PAINTED_SKY: SkyModel(_prague, by_angles=import_function("lighting.sky.clear_sky", "prague_by_angles")),
+    PAINTED_SKY: SkyModel(_prague, by_angles=_prague_by_angles),
     "preetham": SkyModel(_preetham),
     "perez": SkyModel(_perez),
-    "lalonde-matthews": SkyModel(
-        _lalonde_matthews, sun_glow=import_function("lighting.sky.perez", "lalonde_matthews_sun")
-    ),
+    "lalonde-matthews": SkyModel(_lalonde_matthews, sun_glow=_lalonde_matthews_sun),
     "cie-overcast": SkyModel(_cie_overcast),
     **{f"cie-{number}": SkyModel(partial(_cie_general, number), advanced=True) for number in range(1, 16)},
 }
