@@ -26,8 +26,8 @@ from lighting.stereo.normal_network import Network
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
 LOADERS: dict[str, Callable[[], object]] = {
-    "outdoor-4.2.0.onnx": Model.load,
-    "outdoor-4.2.0.onnx.data": Model.load,
+    "outdoor-4.3.0.onnx": Model.load,
+    "outdoor-4.3.0.onnx.data": Model.load,
     "normals-1.0.0.onnx": lambda: Network.load(),
     "detail.npy": load_detail_library.__wrapped__,
     "prague.f16": clear_sky._load_skies.__wrapped__,
@@ -129,7 +129,7 @@ def test_a_damaged_list_is_named(text: str | None, tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["outdoor-4.2.0.onnx.data", "prague.f16", "detail.npy"])
+@pytest.mark.parametrize("name", ["outdoor-4.3.0.onnx.data", "prague.f16", "detail.npy"])
 def test_a_command_answers_with_a_sentence(name: str, tmp_path: Path) -> None:
     package = tmp_path / "lighting"
     package.mkdir()
