@@ -190,7 +190,7 @@ def _prior(data: Path, labels: Path) -> None:
 @_option("--camera", "Run of a further network, which answers for the camera instead of the others.", multiple=True)
 @_option(
     "--sun",
-    "Run of a further network, which answers for the sun beside the others, and for nothing else.",
+    "Run of a further network, which answers for the sun and the light beside the others, and for nothing else.",
     multiple=True,
 )
 @_option("--segments", "Run of `segments`, whose head tells what photos show. [default: nothing tells it]")

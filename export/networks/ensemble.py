@@ -110,7 +110,7 @@ class NetworkEnsemble(nn.Module):
     In the same way the camera is taken to be level, as photographs are, by networks with bins.
     A sun that the networks see in the picture enters the probabilities. Networks that learnt it also predict the light
     (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3). With `segmentation`, a branch of the first network
-    tells what the canvas shows.
+    tells what the canvas shows. Further networks, `suns`, answer for the sun's direction and the powers of light too.
     """
 
     cells: Tensor
@@ -157,7 +157,7 @@ class NetworkEnsemble(nn.Module):
         if in_view:
             rays = cell_directions(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
             sun = fuse_sun_in_view(sun, torch.stack(in_view).mean(dim=0), rays, self.cells)
-        return sun, parameters, *_light_values(predicted), *self._segments(photo)
+        return sun, parameters, *_light_values(predicted, of_suns), *self._segments(photo)
 
     def _segments(self, photo: Tensor) -> tuple[Tensor, ...]:
         """Probabilities (B, H/8, W/8, classes) of what the canvas shows; nothing without a branch for it."""
@@ -189,14 +189,16 @@ def _camera_values(predicted: NetworkOutput) -> Tensor:
     return torch.cat([camera[:, :1], roll, camera[:, 2:]], dim=1)
 
 
-def _light_values(predicted: Sequence[NetworkOutput]) -> tuple[Tensor, ...]:
-    """The light (B, 8) and the surroundings (B, ROWS, COLUMNS, 3) by networks that predict them; nothing if none."""
-    lit = [one for one in predicted if one.light.shape[1]]
+def _light_values(predicted: Sequence[NetworkOutput], of_suns: Sequence[NetworkOutput]) -> tuple[Tensor, ...]:
+    """The light (B, 8) and the surroundings (B, ROWS, COLUMNS, 3) by networks that predict them; nothing if none.
+
+    Powers and surroundings are of all that answer for suns: two see them better than one. Shares are of the others.
+    """
+    lit, bright = ([one for one in some if one.light.shape[1]] for some in (predicted, of_suns))
     if not lit:
         return ()
-    light = torch.stack([one.light.float() for one in lit]).mean(dim=0)
-    suitable = torch.stack([one.suitable.float() for one in lit]).mean(dim=0)
-    surroundings = torch.stack([one.surroundings.float() for one in lit]).mean(dim=0)
-    shares = torch.cat([light[:, 6:], suitable], dim=1).sigmoid()
+    shares = torch.stack([torch.cat([o.light[:, 6:], o.suitable], dim=1).float() for o in lit]).mean(dim=0).sigmoid()
+    powers = torch.stack([one.light[:, :6].float() for one in bright]).mean(dim=0).exp()
+    surroundings = torch.stack([one.surroundings.float() for one in bright]).mean(dim=0)
     radiance = (surroundings.exp() - MIN_RADIANCE).clamp_min(0.0).reshape(-1, ROWS, COLUMNS, 3)
-    return torch.cat([light[:, :6].exp(), shares], dim=1), radiance
+    return torch.cat([powers, shares], dim=1), radiance

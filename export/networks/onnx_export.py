@@ -33,6 +33,7 @@ from export.networks.onnx_graph import (
     store_small,
     strip_origin,
 )
+from export.networks.outdoor import reduce_light_heads
 from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.segmentation import SegmentationBranch
 from export.networks.weights import (
@@ -75,7 +76,7 @@ def write_onnx(
         cameras: folders of the runs whose networks answer for the camera instead; empty for those of `folders`.
         elevation_scale: deg; probabilities are multiplied by exp(-elevation / scale), with inf by 1.
         segments: folder of the run whose branch tells what photos show; None: nothing tells it.
-        suns: folders of further runs whose networks answer for the sun alone, with those of `folders`.
+        suns: folders of further runs whose networks answer for the sun and the light, with those of `folders`.
 
     Raises:
         DataError: if the runs' networks expect different photos, or the branch does not fit the first of them.
@@ -88,6 +89,8 @@ def write_onnx(
     others = {"suns": suns, "cameras": cameras}
     metadata |= {name: json.dumps([training_history(read_record(f)) for f in some]) for name, some in others.items()}
     networks, of_suns, of_cameras = ([_read_folded(f) for f in some] for some in (folders, suns, cameras))
+    for network in of_suns:
+        reduce_light_heads(network)
     branch = None
     if segments is not None:
         branch = SegmentationBranch.read(segments)

@@ -183,6 +183,28 @@ def _head(features: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(nn.Dropout(_DROP), first, nn.SiLU(), nn.Dropout(_DROP), last)
 
 
+_LIGHT_RANK = 32  # of the first layers of what tells the light: the answers stay, the file is 2.5 MB smaller
+
+
+def reduce_light_heads(network: nn.Module) -> None:
+    """Let the first layer of each head of the light be a product of two small ones, the nearest to it.
+
+    Args:
+        network: changed in place, where it has such heads; `export.training.onnx_import` joins the layers again.
+    """
+    for head in (getattr(network, "around", None), getattr(network, "light", None)):
+        if isinstance(head, nn.Sequential) and isinstance(first := head[1], nn.Linear):
+            left, sizes, right = torch.linalg.svd(first.weight.detach(), full_matrices=False)
+            root = sizes[:_LIGHT_RANK].sqrt()
+            narrow, wide = nn.Linear(first.in_features, len(root)), nn.Linear(len(root), first.out_features)
+            narrow.weight.data, wide.weight.data = root[:, None] * right[: len(root)], left[:, : len(root)] * root
+            narrow.bias.data, wide.bias.data = (
+                torch.zeros(len(root)),
+                first.bias.detach(),
+            )  # without it a file rounds more
+            head[1] = nn.Sequential(narrow, wide)
+
+
 HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has
 
 

@@ -115,6 +115,7 @@ def _weights(network: nn.Module, tensors: dict[str, NDArray[Any]], prefix: str) 
         if isinstance(module, (nn.Conv2d, nn.Linear)):
             for key in ("weight", "bias"):
                 value = _find_tensor(tensors, f"{prefix}{name}.{key}")
+                value = _of_reduced(tensors, f"{prefix}{name}", key) if value is None else value
                 if value is not None and (own := getattr(module, key)) is not None:
                     state[f"{name}.{key}"] = value.reshape(own.shape)  # some convolutions are written with one axis
             bias = _find_tensor(tensors, f"{prefix}{name}.weight_bias")
@@ -129,6 +130,14 @@ def _weights(network: nn.Module, tensors: dict[str, NDArray[Any]], prefix: str) 
                 f"{name}.num_batches_tracked": torch.tensor(0),
             }
     return state
+
+
+def _of_reduced(tensors: dict[str, NDArray[Any]], layer: str, key: str) -> Tensor | None:
+    """Weights or bias of a layer that `reduce_light_heads` split in two; None if the file has no such layer."""
+    narrow, wide = (_find_tensor(tensors, f"{layer}.{part}.weight") for part in (0, 1))
+    if narrow is None or wide is None:
+        return None
+    return wide @ narrow if key == "weight" else _find_tensor(tensors, f"{layer}.1.bias")
 
 
 def _transformer_weights(

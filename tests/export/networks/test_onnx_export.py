@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from onnx import GraphProto, ModelProto, TensorProto, checker, helper, numpy_helper
 
-from export.crops.targets import COLUMNS, ROWS
+from export.crops.targets import COLUMNS, MIN_RADIANCE, ROWS
 from export.networks import outdoor_transformer
 from export.networks.ensemble import NetworkEnsemble
 from export.networks.onnx_export import ROUNDED_TOLERANCE, write_onnx
@@ -28,7 +28,7 @@ from export.networks.onnx_graph import (
     save_graph,
     store_small,
 )
-from export.networks.outdoor import build_network, network_specs
+from export.networks.outdoor import build_network, network_specs, reduce_light_heads
 from export.networks.vision_transformer import WHEEL
 from export.networks.weights import read_network, read_record, read_spec, write_run
 from lighting.errors import LightingError
@@ -323,6 +323,38 @@ def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
     assert (light > 0).all()
     assert (light[:, 6:] < 1).all()
     assert (around >= 0).all()
+
+
+def test_networks_for_the_sun_tell_the_powers_of_light_too_but_no_share() -> None:
+    torch.manual_seed(4)
+    first, second = (build_network(SPECS["outdoor"], has_surroundings=True).eval() for _ in range(2))
+    photo = torch.randn(2, 3, 224, 224)
+    with torch.inference_mode():
+        alone = [NetworkEnsemble([network], GRID)(photo) for network in (first, second)]
+        both = NetworkEnsemble([first], GRID, suns=[second])(photo)
+    torch.testing.assert_close(both[1], alone[0][1])
+    torch.testing.assert_close(both[2][:, :6], (alone[0][2] * alone[1][2])[:, :6].sqrt())
+    torch.testing.assert_close(both[2][:, 6:], alone[0][2][:, 6:])
+    around = [answer[3] + MIN_RADIANCE for answer in alone]
+    torch.testing.assert_close(both[3] + MIN_RADIANCE, (around[0] * around[1]).sqrt())
+
+
+def test_heads_of_the_light_are_reduced_to_the_nearest_product() -> None:
+    torch.manual_seed(6)
+    network = build_network(SPECS["outdoor"], has_surroundings=True).eval()
+    for head in (network.around, network.light):
+        few = torch.randn(384, 20) @ torch.randn(20, head[1].in_features) / 1000
+        head[1].weight.data = few
+    photo = torch.randn(2, 3, 224, 224)
+    with torch.inference_mode():
+        before = network(photo)
+    reduce_light_heads(network)
+    with torch.inference_mode():
+        after = network(photo)
+    torch.testing.assert_close(after.light, before.light, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(after.surroundings, before.surroundings, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(after.sun, before.sun)
+    assert sum(value.numel() for value in network.light[1].parameters()) < 200_000
 
 
 def test_temperature_widens_the_distribution() -> None:

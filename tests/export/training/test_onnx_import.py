@@ -15,7 +15,7 @@ from torch import nn
 from export.data.panoramas import DataError
 from export.networks import outdoor_transformer
 from export.networks.onnx_export import write_onnx
-from export.networks.outdoor import Outdoor, build_network, network_specs
+from export.networks.outdoor import Outdoor, build_network, network_specs, reduce_light_heads
 from export.networks.weights import CHECKPOINT, read_network, read_record, training_history, write_run
 from export.training import onnx_import
 from export.training.dataset import TrainConfig
@@ -61,15 +61,39 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(
     assert (answer.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
 
 
+@pytest.mark.usefixtures("small_backbone")
+def test_heads_of_the_light_that_a_file_has_in_two_layers_are_read_back(
+    trained: Path, tmp_path: Path, unpack: Callable[..., Path]
+) -> None:
+    file, runs = tmp_path / "outdoor.onnx", [tmp_path / "first", tmp_path / "sun"]
+    torch.manual_seed(8)
+    for run in runs:
+        network = build_network(network_specs("1.0.0")["outdoor"], has_surroundings=True)
+        for head in (network.around, network.light):
+            torch.nn.init.normal_(head[1].bias, std=0.2)
+        write_run(run, read_record(trained), network.state_dict())
+    write_onnx(runs[:1], file, suns=runs[1:])
+    written = {tensor.name for tensor in onnx.load(str(file), load_external_data=False).graph.initializer}
+    assert any(name.startswith("suns.0.around.1.1.weight") for name in written)
+    photo = torch.randn(2, 3, 224, 224)
+    expected = read_network(runs[1]).eval()
+    reduce_light_heads(expected)
+    network = read_network(unpack(file, 1))
+    with torch.inference_mode():
+        wanted, answer = expected(photo), network(photo)
+    assert (answer.light - wanted.light).abs().max() < ROUNDED * wanted.light.abs().max()
+    assert (answer.surroundings - wanted.surroundings).abs().max() < ROUNDED * wanted.surroundings.abs().max()
+
+
 def test_of_the_package_the_convolutional_networks_are_read_back(unpack: Callable[..., Path]) -> None:
-    """The first is a transformer, the second says the sun alone, the third the camera alone."""
+    """The first is a transformer, the second says the sun and the light, the third the camera alone."""
     photo = torch.randn(1, 3, 224, 224)
     runs = [unpack(packaged_model(), number) for number in (1, 2)]
     sun, camera = map(read_network, runs)
     with torch.inference_mode():
         assert sun(photo).sun.std() > 0.3
         assert camera(photo).camera.std() > 1
-    assert sun.around is None
+    assert sun.around is not None
     assert camera.around is None
     assert all("panoramas" in read_record(run)["training_data"] for run in runs)
     with pytest.raises(DataError, match="no network number 3"):
