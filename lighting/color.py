@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.errors import ErrorCode, PhotoError
+from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError
 from lighting.geometry import Floats
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709, D65
@@ -325,6 +325,24 @@ def check_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:
     if array.ndim != 3 or array.shape[2] != 3 or array.size == 0:
         raise PhotoError(f"The pixels have the shape {array.shape}; it must be (height, width, 3).")
     return array
+
+
+def check_envmap(image: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Return an environment map as contiguous float32.
+
+    Args:
+        image: (H, 2H, 3) linear.
+
+    Raises:
+        EnvironmentMapError: it has another shape.
+    """
+    shape = np.shape(image)
+    if not shape:
+        sentence = f"An environment map is an array of shape (H, 2H, 3), not {type(image).__name__}."
+        raise EnvironmentMapError(sentence, code=ErrorCode.WRONG_TYPE)
+    if len(shape) != 3 or shape != (shape[0], 2 * shape[0], 3) or shape[0] == 0:
+        raise EnvironmentMapError(f"An environment map has the shape (H, 2H, 3), not {shape}.")
+    return np.ascontiguousarray(image, dtype=np.float32)
 
 
 def luminance(linear: ArrayLike) -> Floats:

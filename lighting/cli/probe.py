@@ -313,8 +313,9 @@ def _state(sky: str, sun: tuple[float, float] | None, quiet: bool) -> "SkyState"
 
 def _read_map(sky: str, quiet: bool) -> "NDArray[np.float32]":
     """The map (H, 2H, 3) in a file, of 8 or 16 bits with a warning."""
+    from lighting.color import check_envmap
     from lighting.files import read_envmap
-    from lighting.files.exr import check_envmap, is_exr
+    from lighting.files.exr import is_exr
 
     if sky.lower().endswith((".exr", ".hdr")) or is_exr(Path(sky)):
         return read_envmap(sky)

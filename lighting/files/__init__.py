@@ -81,9 +81,9 @@ def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | No
     """The map as the photo's exposure shows it, clipped at white."""
     import numpy as np
 
-    from lighting.color import tone_map
+    from lighting.color import check_envmap, tone_map
     from lighting.files.deflate import encode_png
-    from lighting.files.exr import SOFTWARE, check_envmap, open_target, row_bands
+    from lighting.files.exr import SOFTWARE, open_target, row_bands
 
     rows = [tone_map(band) for band in row_bands(check_envmap(image))]
     with open_target(target) as stream:
@@ -243,7 +243,8 @@ def read_envmap(file: str | os.PathLike[str]) -> "Image":
     """
     import numpy as np
 
-    from lighting.files.exr import check_envmap, read_exr, read_map_bytes
+    from lighting.color import check_envmap
+    from lighting.files.exr import read_exr, read_map_bytes
     from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
 
     data = read_map_bytes(file)

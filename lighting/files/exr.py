@@ -28,7 +28,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709
+from lighting.color import CHROMATICITIES, COLOR_SPACES, check_envmap, chromaticities_to_rec709
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.files import atomic_write, join_strips
@@ -342,21 +342,6 @@ def read_exr_attributes(source: WriteTarget) -> _Attributes:
         raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
     except (RuntimeError, ValueError, TypeError) as error:
         raise EnvironmentMapError(f"The header of {os.fspath(source)} cannot be read: {error}.") from error
-
-
-def check_envmap(image: NDArray[np.floating]) -> Image:
-    """The map as contiguous float32.
-
-    Args:
-        image: (H, 2H, 3), else EnvironmentMapError.
-    """
-    shape = np.shape(image)
-    if not shape:
-        sentence = f"An environment map is an array of shape (H, 2H, 3), not {type(image).__name__}."
-        raise EnvironmentMapError(sentence, code=ErrorCode.WRONG_TYPE)
-    if len(shape) != 3 or shape != (shape[0], 2 * shape[0], 3) or shape[0] == 0:
-        raise EnvironmentMapError(f"An environment map has the shape (H, 2H, 3), not {shape}.")
-    return np.ascontiguousarray(image, dtype=np.float32)
 
 
 @contextmanager

@@ -14,8 +14,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.color import check_envmap
 from lighting.errors import EnvironmentMapError
-from lighting.files.exr import SOFTWARE, WriteTarget, check_envmap, check_read_size, open_target, row_bands
+from lighting.files.exr import SOFTWARE, WriteTarget, check_read_size, open_target, row_bands
 from lighting.geometry import Floats
 from lighting.records import Lighting
 

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
+from lighting.color import SRGB_LINEAR, check_envmap, check_pixels, srgb_bytes
 from lighting.envmap.projection import photo_camera
-from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.frozen import dataclass
 from lighting.geometry import Floats, Pinhole, fit_in_box, latlong_pixel
