@@ -126,6 +126,16 @@ class PhotoSamples:
         return None
 
     @cached_property
+    def ground_colors(self) -> Image:
+        """The linear values (N, 3) of `ground`, of which there must be some."""
+        return self.colors[self.ground]
+
+    @cached_property
+    def ground_largest(self) -> NDArray[np.float32]:
+        """Their largest channel (N,)."""
+        return self.largest[self.ground]
+
+    @cached_property
     def sky(self) -> NDArray[np.bool_] | None:
         """Which (h, w) may show sky: smooth, not clipped, above the estimated horizon. None: too few."""
         smooth = _brightness_steps(np.sqrt(luminance(self.colors))) < _MAX_STEP
@@ -255,14 +265,14 @@ def estimate_ground_albedo(
     """
     if lighting.sky_irradiance is None or lighting.sun_irradiance is None or samples.ground is None:
         return None
-    radiance = _middle_mean(samples.colors[samples.ground])
+    radiance = _middle_mean(samples.ground_colors)
     if panorama is not None:
         share = _NETWORK_SHARE * (1 - (lighting.sky_cover or 0.0))
         around = 2**_NETWORK_BIAS_STOPS * ground_luminance(panorama)
         radiance = radiance * (around / max(float(luminance(radiance)), EPSILON_IRRADIANCE)) ** share
     reflectance = np.pi * radiance / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
     # what is clipped is white, whatever its color was
-    known = float(np.mean(samples.largest[samples.ground] < CLIPPED))
+    known = float(np.mean(samples.ground_largest < CLIPPED))
     gray = float(luminance(reflectance))
     return np.asarray(np.clip(gray + known * (reflectance - gray), *_REFLECTANCE_RANGE))
 
@@ -304,7 +314,7 @@ def shows_snow(samples: PhotoSamples, lighting: Lighting, probability: float | N
     reflectance = _snow_reflectance(samples, lighting, shaded=True)
     if reflectance is None:
         return False
-    red, _, blue = _middle_mean(samples.colors[samples.ground])
+    red, _, blue = _middle_mean(samples.ground_colors)
     return float(luminance(reflectance)) > (_MIN_BLUE_REFLECTANCE if blue > _BLUE * red else _MIN_SNOW_REFLECTANCE)
 
 
@@ -317,8 +327,9 @@ def _snow_reflectance(samples: PhotoSamples, lighting: Lighting, *, shaded: bool
         return None
     if _white_share(samples, shaded=shaded) < _MIN_SNOW_SHARE:
         return None
-    ground = samples.colors[samples.ground]
-    reflectance = np.pi * _middle_mean(ground) / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
+    reflectance = (
+        np.pi * _middle_mean(samples.ground_colors) / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
+    )
     tint = _MAX_SNOW_TINT
     if shaded:
         tint = _MAX_WARM_TINT if reflectance[0] > reflectance[2] else _MAX_BLUE_TINT
@@ -327,8 +338,8 @@ def _snow_reflectance(samples: PhotoSamples, lighting: Lighting, *, shaded: bool
 
 def _white_share(samples: PhotoSamples, *, shaded: bool) -> float:
     """The share of a photo's ground that is bright and hardly colored; in shade it may be blue."""
-    ground, high = samples.colors[samples.ground], samples.largest[samples.ground]
-    spread = high - ground.min(axis=1)
+    ground, high = samples.ground_colors, samples.ground_largest
+    spread = high - np.minimum(np.minimum(ground[:, 0], ground[:, 1]), ground[:, 2])
     pale = spread < _MAX_SNOW_SATURATION * high
     if shaded:
         cool = (np.diff(ground, axis=1) > -_BLUE_TOLERANCE * ground[:, 1:2]).all(axis=1)

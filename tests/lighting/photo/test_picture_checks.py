@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from lighting.envmap.render import render
-from lighting.photo.picture_checks import is_blank, is_false_color, is_panorama
+from lighting.photo.picture_checks import is_blank, is_false_color, is_panorama, stereo_half, true_share
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting
 from tests.conftest import encode, scene
@@ -102,3 +102,14 @@ def test_photos_and_gray_pictures_have_no_false_colors() -> None:
         assert not is_false_color(gray.astype(np.uint8))
         assert not is_false_color(sepia.astype(np.uint8))
     assert not is_false_color(np.zeros((4, 4, 3), np.uint8))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_shares_of_truth_are_means(axis: int) -> None:
+    values = np.random.default_rng(0).random((300, 41)) < 0.3
+    assert np.array_equal(true_share(values, axis), values.mean(axis=axis))
+
+
+@pytest.mark.parametrize("level", [3, 128, 255])
+def test_a_plain_area_is_no_stereo_pair(level: int) -> None:
+    assert stereo_half(np.full((120, 161), level, np.int16)) is None
