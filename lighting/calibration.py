@@ -19,12 +19,12 @@ References:
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, focal_length, shrink_size
 from lighting.prediction import Prediction
 

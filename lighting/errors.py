@@ -8,12 +8,11 @@ warn.
 import reprlib
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
 from types import ModuleType
 from typing import ClassVar, Self
-
-from lighting.frozen import dataclass
 
 
 class ErrorCode(StrEnum):

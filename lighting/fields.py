@@ -1,14 +1,17 @@
 """The fields of records: ranges and units of a light's, checks against them, values clipped to them, JSON, words.
 
 Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables. JSON groups them
-(_RECORD_PATHS). Some have other names where people type them (_SHORT_NAMES).
+(_RECORD_PATHS). Some have other names where people type them (_SHORT_NAMES). Python itself keeps the docstrings of
+fields nowhere; `describe_fields` gives them to `help`.
 """
 
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
+from enum import Enum
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from lighting.errors import ErrorCode, ParameterError
@@ -232,6 +235,73 @@ def convert_numpy_numbers(record: object, *names: str) -> None:
             object.__setattr__(record, name, value.item())
         elif isinstance(value, list | tuple | np.ndarray):
             object.__setattr__(record, name, tuple(v.item() if isinstance(v, np.generic) else v for v in value))
+
+
+class _RecordDoc:
+    """A class's `__doc__` that lists the fields; the source is read when somebody asks for it."""
+
+    def __init__(self, summary: str) -> None:
+        self._summary = summary
+        self._text: str | None = None
+
+    def __get__(self, _instance: object, owner: type) -> str:
+        if self._text is None:
+            from inspect import cleandoc
+
+            self._text = _list_fields(owner, cleandoc(self._summary))
+        return self._text
+
+
+def describe_fields(*records: type) -> None:
+    """Let `help` list the fields of dataclasses with their docstrings; a module calls it below its last one.
+
+    Args:
+        records: dataclasses.
+    """
+    for record in records:
+        record.__doc__ = _RecordDoc(record.__doc__ or "")  # type: ignore[assignment]  # Python asks it, as any descriptor
+
+
+def field_docstrings(record: type) -> dict[str, str]:
+    """Return the docstrings of a record's fields, by name, those of its bases too; none where there is no source.
+
+    Args:
+        record: a dataclass, or an enumeration, whose members count.
+    """
+    found: dict[str, str] = {}
+    for owner in reversed(record.__mro__):
+        found |= _own_docstrings(owner)
+    names = record.__members__ if issubclass(record, Enum) else [field.name for field in fields(_as_dataclass(record))]
+    return {name: found[name] for name in names if name in found}
+
+
+def _as_dataclass(record: type) -> Any:
+    return record
+
+
+def _own_docstrings(owner: type) -> dict[str, str]:
+    """The docstrings below the names of a class."""
+    import ast
+    import inspect
+    from textwrap import dedent
+
+    try:
+        source = inspect.getsource(owner)
+    except (OSError, TypeError):  # of a class that C defines, or a program without its sources
+        return {}
+    (definition,) = ast.parse(dedent(source)).body
+    body = definition.body if isinstance(definition, ast.ClassDef) else []
+    found: dict[str, str] = {}
+    for statement, below in pairwise(body):
+        match statement, below:
+            case ((ast.AnnAssign(ast.Name(name)) | ast.Assign([ast.Name(name)])), ast.Expr(ast.Constant(str(text)))):
+                found[name] = inspect.cleandoc(text)
+    return found
+
+
+def _list_fields(record: type, summary: str) -> str:
+    lines = [f"    {name}: {text}" for name, text in field_docstrings(record).items()]
+    return "\n".join([summary, "", "Fields:", *lines]) if lines else summary
 
 
 # JSON in and out.

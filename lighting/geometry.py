@@ -11,13 +11,12 @@ Camera: elevation positive looks up; roll positive turns the camera clockwise ab
 holder sees it, so that the horizon in the picture turns counter-clockwise. Field of view is vertical.
 """
 
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from lighting.frozen import dataclass
 
 _Kind = TypeVar("_Kind", bound=np.generic)
 Floats = NDArray[np.floating]

@@ -3,7 +3,7 @@
 What the photo shows is of `prediction.photo_segments`; the camera says where the ground lies and how far it is.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import box_means, shadow_receivers, stands_in_sun
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import round_significant
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
 from lighting.prediction import (

@@ -6,14 +6,13 @@ unit and range. Nothing here needs numpy: the command line's help reads it, too.
 
 import reprlib
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from numbers import Integral
 from typing import Any, Self, TypedDict
 
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
-from lighting.fields import RANGES, Json, check_range, convert_numpy_numbers
-from lighting.frozen import dataclass
+from lighting.fields import RANGES, Json, check_range, convert_numpy_numbers, describe_fields
 from lighting.sky import SKY_MODELS, format_sky_models
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 8192  # rows of an environment map
@@ -334,4 +333,5 @@ def parse_exposure(text: str) -> float:
         raise ParameterError.about("exposure", predicate, ErrorCode.MALFORMED) from error
 
 
+describe_fields(Adjustments, MapOptions)
 DEFAULT_MAP = MapOptions()

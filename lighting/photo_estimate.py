@@ -7,7 +7,7 @@ by `render_map` alone.
 import dataclasses
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
@@ -18,10 +18,9 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, column_blocks
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.relighting import adjust_lighting, edit_lighting, edit_photo_light, light_of_map, rotate_lighting
 from lighting.errors import warn_of_old_name
-from lighting.fields import RANGES, check_range
+from lighting.fields import RANGES, check_range, describe_fields
 from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, join_strips, write_envmap
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
-from lighting.frozen import dataclass
 from lighting.map_options import DEFAULT_MAP, MAX_WHOLE_HEIGHT, Adjustments, Around, MapKeywords, MapOptions
 from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight
@@ -110,6 +109,9 @@ def render_map(
             return RenderedMap(strips, rotate_lighting(light, options.yaw) if options.yaw else light, probe)
         image, shown = render_view(light, options.height, **values)
     return RenderedMap(lambda: iter((image,)), shown, probe)
+
+
+describe_fields(RenderedMap)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -425,3 +427,6 @@ class Estimate(EstimatedLight):
         from lighting.files.deflate import encode_png
 
         return encode_png(np.asarray(self.preview()))
+
+
+describe_fields(Estimate)

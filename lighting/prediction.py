@@ -6,7 +6,7 @@ the photo: 24 x 18 for a landscape photo, 18 x 24 for an upright one.
 
 import json
 import sys
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from functools import cached_property, lru_cache
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
-from lighting.frozen import dataclass
+from lighting.fields import describe_fields
 from lighting.geometry import Floats, fit_in_box
 from lighting.records import Lighting
 from lighting.sun_grid import bayes_direction
@@ -294,6 +294,9 @@ class EstimatedLight:
     def warnings(self) -> tuple[str, ...]:
         """Sentences for people, above all about evidence that contradicts the pixels."""
         return self.lighting.warnings
+
+
+describe_fields(ModelSpec, Light, Prediction, SunEstimate, SunDistribution, EstimatedLight)
 
 
 def check_estimate(thing: object) -> None:

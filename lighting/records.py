@@ -3,7 +3,7 @@
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from functools import cached_property
@@ -19,6 +19,7 @@ from lighting.fields import (
     Json,
     check_range,
     convert_numpy_numbers,
+    describe_fields,
     flatten_record,
     nest_fields,
     record_path,
@@ -26,7 +27,6 @@ from lighting.fields import (
     round_significant,
 )
 from lighting.formatting import format_azimuth, format_sun_elevation
-from lighting.frozen import dataclass
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
 
@@ -378,6 +378,9 @@ class LightProbe:
     def to_dict(self) -> Json:
         """Return it as `light_probe` of a JSON record."""
         return {"coefficients": [round_all(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
+
+
+describe_fields(SunCandidate, Lighting, MainLight, LightProbe)
 
 
 def _is_within(value: object, low: float, high: float) -> bool:

@@ -15,13 +15,13 @@ References:
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ModelError
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 
 _GOLDEN_ANGLE = 180.0 * (3.0 - 5.0**0.5)  # deg

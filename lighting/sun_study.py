@@ -8,7 +8,7 @@ clouds, it is that of a clear sky. The place around the photo is relit: a guess,
 import math
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Self
@@ -17,8 +17,8 @@ import numpy as np
 
 from lighting.envmap.relighting import edit_lighting
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, SceneError
+from lighting.fields import describe_fields
 from lighting.files import output_folder_error, write_file
-from lighting.frozen import dataclass
 from lighting.fusion.time_zones import offset_at
 from lighting.geometry import wrap_azimuth
 from lighting.map_options import DEFAULT_MAP, MapOptions
@@ -224,3 +224,6 @@ def _sun_path(lighting: Lighting, place: _Place, hours: Sequence[StudyHour]) -> 
         tuple(sun.lighting for sun in suns),
         {code(hour.time): hour.map_name for hour in hours},
     )
+
+
+describe_fields(StudyHour, SunStudy)

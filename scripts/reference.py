@@ -15,8 +15,8 @@ import lighting
 import lighting.errors as errors
 from lighting.cli import Command, Group, cli
 from lighting.errors import ErrorCode, LightingError, WarningCode
+from lighting.fields import field_docstrings
 from lighting.files import FileOptions
-from lighting.frozen import field_docstrings
 from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop

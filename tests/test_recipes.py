@@ -84,9 +84,8 @@ def test_a_route_has_keys_problems_and_a_description_without_another_line(client
 MIRROR = """
 import dataclasses
 from lighting import map_options
-from lighting.frozen import dataclass
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Options(map_options.MapOptions):
     mirror: bool = map_options.option(False, map_options.OptionText("mirror the map"))
 

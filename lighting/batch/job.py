@@ -4,7 +4,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,6 @@ from lighting.batch.photo_search import PhotoTable, format_counts
 from lighting.batch.results import SETTINGS
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
 from lighting.files import DEFAULT_FILE, FileOptions
-from lighting.frozen import dataclass
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.map_options import DEFAULT_MAP, MapOptions
 from lighting.runtime import ONE_BLAS_THREAD

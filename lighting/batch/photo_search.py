@@ -10,6 +10,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path, PurePath
 from typing import Any
@@ -18,7 +19,6 @@ from lighting.batch.results import JOURNAL, SETTINGS, TABLE
 from lighting.errors import BatchError, LightingError
 from lighting.fields import option_name
 from lighting.files import MAP_FORMATS, PREVIEW_ENDING
-from lighting.frozen import dataclass
 from lighting.fusion.fspy import read_fspy
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.map_options import Adjustments

@@ -5,7 +5,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,6 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.photos import DOUBTED_STATUS, DRAWN, UNSUITABLE_STATUS, input_options_but
 from lighting.files import FileOptions, escape_undecodable, join_words
-from lighting.frozen import dataclass
 from lighting.map_options import MapOptions
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import sys
 from base64 import urlsafe_b64encode
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import date, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, packages_distributions, version
@@ -35,7 +35,6 @@ from lighting.cli.options import FileName
 from lighting.confinement import describe_confinement
 from lighting.errors import ErrorCode, LightingError, PhotoError, install_command
 from lighting.files import escape_undecodable
-from lighting.frozen import dataclass
 from lighting.scene import EXPORTERS
 from lighting.start import silence_libraries
 from lighting.version import __version__

@@ -8,6 +8,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import combinations, product
 from pathlib import Path
 
@@ -15,7 +16,6 @@ import click
 
 from lighting.cli.console import check_photo_file, check_there, escape_control_chars, escape_path
 from lighting.files import MAP_FILE_SUFFIXES, MAP_FORMATS, PREVIEW_ENDING, join_words, write_file
-from lighting.frozen import dataclass
 
 RECORD_SUFFIXES = (".json", ".jsonl")
 _HINT = "'-o' / '--output'"  # how click names the option in an error

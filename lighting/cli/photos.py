@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -26,7 +26,6 @@ from lighting.cli.options import (
 )
 from lighting.errors import LightingError, ParameterError
 from lighting.fields import option_name
-from lighting.frozen import dataclass
 from lighting.map_options import MAX_HEIGHT, MapOptions
 from lighting.photo.timestamps import parse_time, parse_utc_offset
 from lighting.start import StartedNetwork, exit_on_interrupt

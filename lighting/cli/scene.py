@@ -1,5 +1,6 @@
 """The command that writes scenes."""
 
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,6 @@ import lighting.cli.outputs as outputs
 from lighting.cli import Command, cli
 from lighting.cli import options as common
 from lighting.cli.photos import PhotoOptions, photo_options, process_photos
-from lighting.frozen import dataclass
 from lighting.map_options import MAX_WHOLE_HEIGHT
 from lighting.scene import EXPORTERS, unsupported_options
 

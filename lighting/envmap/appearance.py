@@ -7,7 +7,7 @@ References: [1] Bishop, Pattern Recognition and Machine Learning, section 4.3.4 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Self
@@ -20,7 +20,6 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_r
 from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.fields import clip_color
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, sample_latlong
 from lighting.prediction import THINGS, Segments, SurfaceClass, class_share, pixel_share
 from lighting.records import Lighting

@@ -6,6 +6,7 @@ half of the map is brought back exactly to what it was. Around the sun the sky s
 becomes much brighter than its brightest was: there is one sun.
 """
 
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -26,7 +27,6 @@ from lighting.envmap.latlong import (
 )
 from lighting.envmap.library_picture import LibraryDetail
 from lighting.envmap.projection import CLIPPED, PhotoProjection, sample_cells
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
 from lighting.prediction import Segments, SurfaceClass, pixel_share
 from lighting.records import Lighting

@@ -10,6 +10,7 @@ shores for photos of water.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -21,7 +22,6 @@ from lighting.color import LUMINANCE_WEIGHTS
 from lighting.envmap.appearance import PLACE_KINDS, PhotoSamples, kind_features, kind_probability, shows_snow
 from lighting.envmap.latlong import Image
 from lighting.envmap.projection import sample_cells
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.prediction import PASSING_THINGS, Segments, SurfaceClass
 from lighting.records import Lighting

@@ -2,6 +2,7 @@
 
 import io
 from copy import copy
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -19,7 +20,6 @@ from lighting.envmap.detail_library import (
     load_detail_library,
 )
 from lighting.envmap.latlong import Image, blur_cells, column_blocks, shrink_envmap
-from lighting.frozen import dataclass
 
 _COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
 

@@ -1,6 +1,6 @@
 """Where a photo lies in a map, its pixels there, and how its edges go on beside it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -16,7 +16,6 @@ from lighting.envmap.latlong import (
     scale_colors,
     shrink_axis,
 )
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, Pinhole, latlong_angles, wrap_azimuth
 from lighting.prediction import PASSING_THINGS, Segments, pixel_share
 from lighting.records import Lighting

@@ -5,6 +5,7 @@ is in shade. The sun does not reach it, and it casts no shadow of the sun. Anyth
 shadow falls on lit ground alone.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from lighting.color import SRGB_LINEAR, check_pixels, luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import sky_irradiance, sun_light
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, clip_slice, shrink_size
 from lighting.prediction import THINGS, Segments, pixel_share
 from lighting.records import Lighting, check_lighting

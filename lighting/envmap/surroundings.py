@@ -8,6 +8,7 @@ disc is painted last, so there is one sun.
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -22,7 +23,6 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_r
 from lighting.envmap.projection import CELL_RATIO_RANGE, PhotoProjection, PhotoScale, extrapolate_edges, project_photo
 from lighting.envmap.render import add_sun, cap_map, render, render_bare, render_rows, sun_in_map
 from lighting.errors import ErrorCode, ParameterError
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.prediction import Segments
 from lighting.records import Lighting

@@ -11,13 +11,13 @@ import re
 import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Self
 
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
-from lighting.frozen import dataclass
+from lighting.fields import describe_fields
 from lighting.map_options import OptionText, check_option, option
 
 if TYPE_CHECKING:
@@ -152,6 +152,7 @@ class FileOptions:
         return replace(self, format=check_map_name(path))
 
 
+describe_fields(FileOptions)
 DEFAULT_FILE = FileOptions()
 
 

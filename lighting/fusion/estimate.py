@@ -10,7 +10,7 @@ References:
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,6 @@ from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import CodedWarning, WarningCode
 from lighting.fields import clip_to_range, round_significant
-from lighting.frozen import dataclass
 from lighting.fusion.drawn_camera import height_by_reference
 from lighting.fusion.instants import Instant
 from lighting.fusion.marks import Reference, move_mark

@@ -7,12 +7,11 @@ So they do where a clip's file says UTC and its camera may have written local ti
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from lighting.errors import CodedWarning, WarningCode
 from lighting.formatting import format_utc_offset
-from lighting.frozen import dataclass
 from lighting.fusion.time_zones import ZONE_OF_PLACE, clock_offsets, offset_at, offset_in_file
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import MAX_CLOCK_DIFFERENCE, nearest_utc_offset

@@ -5,12 +5,11 @@ Points are (x, y) in pixels of the upright photo. `drawn_camera` and `shadows` s
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.frozen import dataclass
 
 Point = tuple[float, float]
 Line = tuple[float, float, float, float]

@@ -3,7 +3,7 @@
 import math
 import threading
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -12,7 +12,6 @@ import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES
-from lighting.frozen import dataclass
 from lighting.fusion.instants import Instant, PhotoInstants, resolve_instants, resolve_together
 from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
 from lighting.fusion.user_input import UserInput

@@ -5,7 +5,7 @@ pooled with the weights of `pooling`.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,6 @@ import lighting.sun_grid as sun_grid
 from lighting.calibration import up_in_camera
 from lighting.decoding import light_from_vector, light_to_vector
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, WarningCode
-from lighting.frozen import dataclass
 from lighting.fusion.pooling import (
     AZIMUTH_CORRELATION,
     ELEVATION_KERNEL_STD,

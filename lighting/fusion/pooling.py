@@ -13,11 +13,11 @@ scenes.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.prediction import Prediction
 from lighting.sun_grid import blur_headings, grid_directions, grid_solid_angle, smooth_density

@@ -10,7 +10,7 @@ chance.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ import lighting.geometry as geometry
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, WarningCode
 from lighting.formatting import format_azimuth, format_tilt
-from lighting.frozen import dataclass
 from lighting.fusion.consistency import consistency_warnings
 from lighting.fusion.drawn_camera import fit_camera
 from lighting.fusion.marks import DrawnCamera, OwnShadow, ShadowMark

@@ -6,12 +6,11 @@ that the clock shows.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import lru_cache
 
 from lighting.errors import CodedWarning, WarningCode
-from lighting.frozen import dataclass
 from lighting.photo.clock import nearest_utc_offset
 from lighting.photo.metadata import PhotoMetadata
 

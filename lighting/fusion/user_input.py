@@ -3,14 +3,13 @@
 import math
 import reprlib
 from collections.abc import Sequence
-from dataclasses import field, fields
+from dataclasses import dataclass, field, fields
 from datetime import datetime
 
 import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
-from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers
-from lighting.frozen import dataclass
+from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, describe_fields
 from lighting.fusion.marks import (
     DrawnCamera,
     KnownCamera,
@@ -234,6 +233,7 @@ def _stated_once(name: str, value: float | None, short: float | None) -> float |
 
 
 NO_USER_INPUT = UserInput()
+describe_fields(UserInput)
 
 
 def check_user_input(value: object) -> None:

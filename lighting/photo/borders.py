@@ -12,13 +12,13 @@ References:
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.picture_checks import has_seams, stereo_half, true_share
 

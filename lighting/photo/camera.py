@@ -8,13 +8,12 @@ open what was cropped, each lens is a candidate, and the pixels choose. Panorama
 import math
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
 from PIL import ExifTags
 
-from lighting.frozen import dataclass
 from lighting.geometry import zoomed_fov
 from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, Tags, read_make, read_number, read_xmp_number
 

@@ -8,12 +8,12 @@ import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from PIL import ExifTags
 
 from lighting.errors import ParameterError
-from lighting.frozen import dataclass
 from lighting.photo.sidecars import TAKEOUT_TIME
 from lighting.photo.tags import (
     EXIF_NAMESPACE,

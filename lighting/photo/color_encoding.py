@@ -23,6 +23,7 @@ References:
 import struct
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal
@@ -40,7 +41,6 @@ from lighting.color import (
     chromaticities_to_rec709,
     srgb_bytes,
 )
-from lighting.frozen import dataclass
 from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, PhotoTags, read_text
 
 if TYPE_CHECKING:

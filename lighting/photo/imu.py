@@ -10,11 +10,11 @@ top to its foot.
 import math
 import struct
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from PIL import ExifTags
 
-from lighting.frozen import dataclass
 from lighting.geometry import MIN_STEEP_ELEVATION
 from lighting.photo.tags import TAG_ERRORS, Tags
 

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import StrEnum
 from itertools import product
@@ -18,7 +18,7 @@ from typing import Any
 
 from PIL import ExifTags
 
-from lighting.frozen import dataclass
+from lighting.fields import describe_fields
 from lighting.geometry import wrap_azimuth
 from lighting.photo.camera import PhotoFrame, read_lens
 from lighting.photo.clock import read_clock, read_gps_time
@@ -251,6 +251,9 @@ class PhotoMetadata:
     def location(self) -> tuple[float, float] | None:
         """Latitude and longitude [deg], positive north and east; None where they are unknown."""
         return None if self.latitude is None or self.longitude is None else (self.latitude, self.longitude)
+
+
+describe_fields(PhotoMetadata)
 
 
 def read_metadata(

@@ -11,7 +11,7 @@ import struct
 import threading
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
 from numbers import Integral
 from pathlib import Path
@@ -33,7 +33,7 @@ from lighting.errors import (
     WarningCode,
     warn_of_old_name,
 )
-from lighting.frozen import dataclass
+from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import Layout, find_layout
 from lighting.photo.color_encoding import read_color_encoding
@@ -172,6 +172,9 @@ class Photo:
         """The old name of `metadata`; warns of it."""
         warn_of_old_name("lighting.photo.reader.Photo.facts")
         return self.metadata
+
+
+describe_fields(PhotoCrop, PhotoOrigin, Photo)
 
 
 def check_photo(thing: object) -> None:

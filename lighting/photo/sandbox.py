@@ -17,7 +17,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, is_dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from datetime import datetime
 from enum import Enum
 from functools import cache
@@ -43,7 +43,6 @@ from lighting.errors import (
     warning_code,
 )
 from lighting.fields import Json
-from lighting.frozen import dataclass
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS
 from lighting.photo.reader import (

@@ -9,12 +9,12 @@ import math
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from io import BytesIO
 from typing import Any, SupportsFloat, SupportsIndex
 
 from PIL import ExifTags, Image, ImageFile
 
-from lighting.frozen import dataclass
 from lighting.photo.tiff import TIFF_STARTS, is_moderate
 
 Tags = Mapping[int, Any]

@@ -13,13 +13,13 @@ import warnings
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
 
 from PIL import ExifTags, Image
 
 from lighting.errors import PhotoError
-from lighting.frozen import dataclass
 from lighting.photo.containers import frame_size
 
 RAW_FORMAT = "RAW"

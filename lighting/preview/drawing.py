@@ -5,6 +5,7 @@ Pillow draws antialiased ink as an enlarged mask, which is then reduced.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -13,7 +14,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 from lighting.color import srgb_bytes
 from lighting.envmap.projection import photo_camera
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
 from lighting.records import Lighting
 

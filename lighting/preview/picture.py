@@ -1,6 +1,7 @@
 """The preview: a picture of a photo's light, with the photo, the sky, the map, three spheres, and all in words."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from textwrap import wrap
 
 import numpy as np
@@ -10,7 +11,6 @@ from PIL import Image
 from lighting.color import SRGB_LINEAR, check_envmap, check_pixels, srgb_bytes
 from lighting.envmap.projection import photo_camera
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, Pinhole, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
 from lighting.prediction import EstimatedLight, Segments, check_estimate

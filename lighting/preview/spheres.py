@@ -15,7 +15,7 @@ What stands before the ground, as people and plants do, keeps its light.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,6 @@ from lighting.color import SRGB_LINEAR, luminance, srgb_bytes
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import is_in_shade, read_ground_shade, shadow_receivers
-from lighting.frozen import dataclass
 from lighting.geometry import (
     Floats,
     LatlongSampler,

@@ -5,13 +5,12 @@ Suns of several hours are points on the sphere that the camera and the ephemeris
 the one of least squares (Kabsch 1976), for each of the lenses tried.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.probe.fisheye import Lens, unproject_from_lens
 

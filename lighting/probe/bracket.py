@@ -6,7 +6,7 @@ Folders are in the layout of the SkyDB: `YYYYMMDD/HHMMSS/envmap.exr`, one a mome
 import re
 import reprlib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, tzinfo
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +16,6 @@ import numpy as np
 from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import read_exr_attributes
-from lighting.frozen import dataclass
 from lighting.fusion.instants import PhotoInstants, resolve_instants, resolve_together
 from lighting.fusion.metadata_prior import merge_user_input, share_location
 from lighting.fusion.time_zones import offset_in_file

@@ -5,7 +5,7 @@ A sun that no exposure could measure may be taken from the model of the sky besi
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from lighting.envmap.latlong import MAX_RADIANCE
 from lighting.envmap.render import render, sun_light
 from lighting.errors import ErrorCode, ProbeError
 from lighting.files.exr import write_exr
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
 from lighting.photo.linear import Curve
 from lighting.probe.alignment import Alignment, align_by_sun, align_series, yaw_rotation

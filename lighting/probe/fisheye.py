@@ -7,14 +7,13 @@ The sun may be smaller than a pixel. So pictures finer than the map are averaged
 the mean of several samples. The sum of radiance x solid angle survives.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ErrorCode, ProbeError
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, camera_axes, direction, latlong_pixel
 from lighting.probe.sun_detection import Mask
 

@@ -19,7 +19,7 @@ slopes and curves as they are.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -27,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ProbeError
-from lighting.frozen import dataclass
 from lighting.geometry import Floats
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import Bracket

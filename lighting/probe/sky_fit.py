@@ -5,6 +5,8 @@ The procedure is the one of "Deep Outdoor Illumination Estimation"
 by robust non-linear least squares.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +14,6 @@ from lighting.color import luminance
 from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import ErrorCode, ProbeError
 from lighting.fields import Json
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.probe.sun_detection import (
     ANALYSIS_HEIGHT,

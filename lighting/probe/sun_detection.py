@@ -1,6 +1,7 @@
 """Where the sun is in a measured sky: clipped or not, as a peak or as a blob of light."""
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 from lighting.color import luminance
 from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import require_extra
-from lighting.frozen import dataclass
 from lighting.geometry import (
     Floats,
     angle_between,

@@ -7,6 +7,7 @@ References:
     [2] Arandjelovic and Zisserman, "Three things everyone should know to improve object retrieval", CVPR 2012.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.errors import require_extra
-from lighting.frozen import dataclass
 from lighting.geometry import Floats
 
 MATCH_SIDE = 1024  # pixels of the longer side in which features are sought

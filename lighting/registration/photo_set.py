@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from itertools import combinations
 from time import monotonic
@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 import lighting.runtime as runtime
 from lighting.errors import ErrorCode, LightingError, TurnsError
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.registration.features import Features, Matches, detect_features, import_opencv, match_features
 from lighting.registration.rotation_averaging import (

@@ -6,11 +6,11 @@ References:
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.frozen import dataclass
 from lighting.geometry import Floats
 from lighting.registration.features import Matches
 from lighting.registration.rotations import rays_through

@@ -9,10 +9,10 @@ References:
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from lighting.frozen import dataclass
 from lighting.geometry import Floats
 from lighting.registration.rotations import nearest_rotation, rotation_about, rotation_vector
 from lighting.registration.two_view import RelativeRotation

@@ -19,12 +19,11 @@ References:
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.frozen import dataclass
 from lighting.geometry import Floats
 from lighting.registration.features import Matches, import_opencv
 from lighting.registration.robust_fit import INLIER_TOLERANCE, LeastSquaresResult, least_squares, ransac_rotation

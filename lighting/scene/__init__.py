@@ -8,11 +8,9 @@ line's help reads it, too.
 import os
 import shlex
 from collections.abc import Callable, Collection
-from dataclasses import field
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
-
-from lighting.frozen import dataclass
 
 PLATE, ENVIRONMENT, RECORD = "plate.png", "environment.exr", "lighting.json"
 LIT_GROUND, GROUND = "lit_ground.png", "ground.png"

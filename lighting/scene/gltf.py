@@ -15,6 +15,7 @@ References:
 
 import json
 import struct
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,6 @@ from lighting.envmap.latlong import Image, face_size, level_count, prefilter_cub
 from lighting.fields import Json
 from lighting.files.deflate import encode_png
 from lighting.files.exr import SOFTWARE
-from lighting.frozen import dataclass
 from lighting.geometry import Floats
 from lighting.light_probe import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 from lighting.record_json import record_with_coefficients

@@ -10,6 +10,7 @@ radiance. One that shades by the map alone takes its bounced light from there.
 """
 
 import zlib
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +21,7 @@ from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance, sun_light
 from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
-from lighting.frozen import dataclass
+from lighting.fields import describe_fields
 from lighting.geometry import Floats, Pinhole
 from lighting.ground import find_sunny_ground, is_in_sun, max_object_meters, spot_warnings
 from lighting.light_probe import main_light, project_latlong
@@ -280,6 +281,9 @@ def _sun_to_world(lighting: Lighting) -> Floats:
     matrix = np.eye(4)
     matrix[:3, :3] = np.stack([side, np.cross(lighting.sun_direction, side), lighting.sun_direction], axis=1)
     return matrix
+
+
+describe_fields(Scene, CameraMotion, SunPath)
 
 
 def make_scene(

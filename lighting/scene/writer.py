@@ -8,6 +8,7 @@ import sys
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
@@ -22,7 +23,6 @@ from lighting.errors import ErrorCode, SceneError
 from lighting.fields import Json
 from lighting.files import encode_envmap, output_folder_error
 from lighting.files.deflate import encode_png
-from lighting.frozen import dataclass
 from lighting.ground import draw_ground_mask
 from lighting.record_json import record_with_coefficients
 from lighting.scene import ENVIRONMENT, EXPORTERS, GROUND, LIT_GROUND, PLATE, RECORD

@@ -4,11 +4,11 @@ A sky has no ground and no disc of the sun. The command line, the service and th
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.frozen import dataclass
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

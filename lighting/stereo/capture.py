@@ -9,7 +9,7 @@ import csv
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from PIL import ExifTags, Image
 
 from lighting.errors import EnvironmentMapError, PhotoError
 from lighting.files.exr import read_exr
-from lighting.frozen import dataclass
 from lighting.fusion.instants import resolve_together
 from lighting.fusion.metadata_prior import share_location
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput

@@ -12,6 +12,7 @@ hemisphere has brightness 1.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import date
 from typing import Literal
 
@@ -21,7 +22,6 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.color import LUMINANCE_WEIGHTS
 from lighting.envmap.latlong import remove_sun, row_irradiance
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
-from lighting.frozen import dataclass
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.clear_sky import sky_radiance, sun_disc_points, sun_disc_radiance

@@ -6,6 +6,7 @@ of a day, H and W multiples of 8. Its outputs: `normal`, float32 (1, 3, H, W), u
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from lighting.checksum import DATA_FOLDER
 from lighting.errors import ModelError
-from lighting.frozen import dataclass
 from lighting.onnx_session import OnnxSession, create_session, packaged_network
 from lighting.stereo.normal_search import Image, SearchResult
 

@@ -18,12 +18,11 @@ are those of the maps: +Y up, true north at -Z, east at +X.
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, camera_axes
 from lighting.runtime import available_cpus
 from lighting.stereo.light_vectors import Skies, illumination_matrices

@@ -12,7 +12,7 @@ Integration: A Survey, JMIV 2018), without one the camera is orthographic.
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,6 @@ from lighting.fields import Json, check_location
 from lighting.files import atomic_write, write_file
 from lighting.files.deflate import encode_png
 from lighting.files.exr import SOFTWARE
-from lighting.frozen import dataclass
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
 from lighting.photo.camera import FULL_FRAME_DIAGONAL

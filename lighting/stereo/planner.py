@@ -4,7 +4,7 @@ The picture has the gain by start and end of the window, the gain over the spher
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import date, timedelta, timezone
 from pathlib import Path
 
@@ -17,7 +17,6 @@ from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.fields import OPTIONAL_RANGES, Json, check_range
 from lighting.files import read_envmap
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, latlong_directions
 from lighting.photo.timestamps import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.preview.drawing import (

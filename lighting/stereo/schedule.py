@@ -9,6 +9,7 @@ error of the normal (noise_gain.py).
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from datetime import date, timedelta
 
 import numpy as np
@@ -16,7 +17,6 @@ from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import Json, check_range
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, direction
 from lighting.stereo.light_vectors import DAY_MINUTES, SkyDay, illumination_matrices
 from lighting.stereo.noise_gain import (

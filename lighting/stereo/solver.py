@@ -5,13 +5,12 @@ turbidity bends all of them, and few photographers know it: it is fitted to the 
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import PhotoError
-from lighting.frozen import dataclass
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.normal_network import Network, NormalFeatures, normal_features
 from lighting.stereo.normal_search import (

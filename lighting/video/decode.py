@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Container, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from functools import lru_cache
 from itertools import chain, islice
@@ -31,7 +31,6 @@ from lighting.color import (
     srgb_bytes,
 )
 from lighting.errors import CodedWarning, VideoError, require_extra
-from lighting.frozen import dataclass
 from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE

@@ -10,13 +10,13 @@ References:
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
 from lighting.errors import CodedWarning, WarningCode
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.borders import Layout, Rectangle, find_layout
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE, describe_layout

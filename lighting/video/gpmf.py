@@ -8,9 +8,8 @@ References:
 
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-
-from lighting.frozen import dataclass
 
 SAMPLE_START = b"DEVC"  # with which a sample of the track begins
 

@@ -10,11 +10,10 @@ do.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, zoomed_fov
 from lighting.registration.features import Matches
 from lighting.registration.rotations import cross_matrix, focal_from_fov, rays_through, rotation_about

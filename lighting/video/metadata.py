@@ -10,7 +10,7 @@ import math
 import re
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import chain
 from pathlib import Path
@@ -20,7 +20,6 @@ import numpy as np
 
 from lighting.color import LogCurve
 from lighting.errors import CodedWarning, WarningCode
-from lighting.frozen import dataclass
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.clock import Stamp, read_stamp

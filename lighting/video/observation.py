@@ -9,11 +9,10 @@ both moved onto it by dense flow. Where things move, each part of the frame is e
 dissolve only a mixture of both explains it, with the same share everywhere. There the two have little in common.
 """
 
-import dataclasses
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from numpy.typing import NDArray
 from lighting.color import luminance, srgb_decode
 from lighting.decoding import light_from_vector, light_to_vector, lighting_from_prediction, sun_from_prediction
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, sky_white_balance
-from lighting.frozen import dataclass
 from lighting.fusion.estimate import screen_prediction
 from lighting.fusion.pooling import (
     AZIMUTH_CORRELATION,
@@ -479,7 +477,7 @@ class FrameObservation:
     """At its time; the candidates alone count here."""
 
 
-@dataclasses.dataclass
+@dataclass
 class _Sector:
     """Running means of the estimates in one direction."""
 

@@ -14,14 +14,13 @@ The film is the clip with its light drawn in: the horizon, the sun or an arrow t
 is.
 """
 
-import dataclasses
 import io
 import json
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -39,7 +38,6 @@ from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import ErrorCode, SceneError, VideoError
 from lighting.files import atomic_write, escape_undecodable, is_own_map, write_envmap, write_file
 from lighting.files.deflate import encode_png
-from lighting.frozen import dataclass
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
 from lighting.light_probe import compute_light_probe
@@ -438,7 +436,7 @@ class OutputOptions:
         check_height(self.view.height, MAX_WHOLE_HEIGHT)
 
 
-@dataclasses.dataclass
+@dataclass
 class VideoResult:
     """What became of a clip."""
 

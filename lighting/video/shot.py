@@ -11,7 +11,7 @@ of a later one.
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from itertools import pairwise, product
 
@@ -22,7 +22,6 @@ from lighting.color import luminance
 from lighting.decoding import with_ground_color
 from lighting.envmap.relighting import adjust_lighting, radiance_gain, scale_exposure
 from lighting.errors import VideoError
-from lighting.frozen import dataclass
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior

@@ -11,7 +11,7 @@ zoomed loses the thread: what comes then is seen through another lens.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from lighting.color import check_pixels, luminance
 from lighting.decoding import with_ground_color
 from lighting.envmap.relighting import scale_exposure
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
-from lighting.frozen import dataclass
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior

@@ -10,7 +10,7 @@ Where the camera walks, near things obey no rotation; then that of the essential
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from functools import cached_property, partial
 from typing import Self
@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import SRGB_LINEAR
-from lighting.frozen import dataclass
 from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_from_metadata
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size

@@ -8,9 +8,8 @@ from dataclasses import fields
 import pytest
 
 import lighting
-from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
+from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, describe_fields, field_docstrings
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
-from lighting.frozen import field_docstrings
 from lighting.map_options import Adjustments
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop, PhotoOrigin
@@ -102,11 +101,9 @@ def test_help_lists_the_fields(record: type) -> None:
 
 def test_a_record_without_its_source_keeps_its_sentence() -> None:
     namespace: dict[str, type] = {}
-    exec(
-        'from lighting.frozen import dataclass\n@dataclass(frozen=True)\nclass Made:\n    """One."""\n    x: int\n',
-        namespace,
-    )
+    exec('from dataclasses import dataclass\n@dataclass\nclass Made:\n    """One."""\n    x: int\n', namespace)
     made = namespace["Made"]
+    describe_fields(made)
     assert made.__doc__ == "One."
     assert field_docstrings(made) == {}
 

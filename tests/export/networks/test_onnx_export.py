@@ -341,10 +341,9 @@ def test_networks_for_the_sun_tell_the_powers_of_light_too_but_no_share() -> Non
 
 def test_heads_of_the_light_are_reduced_to_the_nearest_product() -> None:
     torch.manual_seed(6)
-    network = build_network(SPECS["outdoor"], has_surroundings=True).eval()
+    network: Any = build_network(SPECS["outdoor"], has_surroundings=True).eval()
     for head in (network.around, network.light):
-        few = torch.randn(384, 20) @ torch.randn(20, head[1].in_features) / 1000
-        head[1].weight.data = few
+        head[1].weight.data = torch.randn(384, 20) @ torch.randn(20, head[1].in_features) / 1000
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         before = network(photo)
