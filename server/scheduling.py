@@ -2,10 +2,11 @@
 
 A client is charged what its requests took lately, and what those are expected to take that wait and run. The next free
 thread goes to the client with the least (fair queueing). While short requests wait, long ones begin at intervals, in
-which they use no more of the threads than their clients are of all clients. Of several threads they leave one to short
-requests. When the queue is full, a client with fewer requests in it takes the place of the newest one of the client
-that demands most. A client's only request waits beyond the queue, as long as the bodies that wait fit into it and their
-work is done soon. After that, one that takes much less takes another's place.
+which they use no more of the threads than their clients are of all clients. Where there are several threads, a short
+request has one more beside long ones: no processor rests, and a photo waits for no map. When the queue is full, a
+client with fewer requests in it takes the place of the newest one of the client that demands most. A client's only
+request waits beyond the queue, as long as the bodies that wait fit into it and their work is done soon. After that, one
+that takes much less takes another's place.
 """
 
 import time
@@ -25,7 +26,7 @@ from server.limits import GROUP_SHARES, UNKNOWN, BusyError, Client, ShareTakenEr
 _T = TypeVar("_T")
 
 HALF_LIFE = 20.0  # seconds after which processor time counts half
-_LONG_SECONDS = 0.1  # of processor time, which a photo's estimate stays under: longer requests leave a thread to others
+_LONG_SECONDS = 0.1  # of processor time, which a photo's estimate stays under, as every short request
 MORE = 1.2  # times the mean processor time of the clients, beyond which one uses more than its share
 _MUCH_MORE = 1.5  # times as much processor time as another client, so that one makes room for it
 _RECENT_SECONDS = 10.0  # that a client counts as present after its last work
@@ -160,7 +161,8 @@ class WorkLimiter:
         self._expected = dict.fromkeys(self._short, _LONG_SECONDS)  # processor time [s] by route
         self._long_from = clock()  # the time from which a long request may begin while short ones wait
         self._last: dict[Client, float] = {}  # when a client's work last began or ended, if that is recent
-        self._threads = CapacityLimiter(workers)
+        self._spare = 1 if workers > 1 else 0  # threads for short requests beside long ones
+        self._threads = CapacityLimiter(workers + self._spare)
 
     @property
     def admitted(self) -> int:
@@ -332,7 +334,7 @@ class WorkLimiter:
             self._charge(job.client, job.seconds)
 
     def _start_jobs(self) -> None:
-        while len(self._running) < self.workers and (job := self._next_job()):
+        while job := self._next_job():
             self._waiting.remove(job)
             self._running.append(job)
             job.started = True
@@ -342,17 +344,13 @@ class WorkLimiter:
             job.turn.set()
 
     def _next_job(self) -> _Job | None:
-        """The waiting request of the client that used least, of the long ones or of the short ones."""
-        now = self._clock()
-        short = [job for job in self._waiting if not self._is_long(job)]
-        jobs = [] if short and now < self._long_from else self._long_jobs()
-        return min(jobs or short, key=lambda job: self.usage.load(job.client, now=now), default=None)
-
-    def _long_jobs(self) -> list[_Job]:
-        """The long requests that may begin; they leave a thread to short ones, which may come."""
-        if self.workers > 1 and sum(map(self._is_long, self._running)) >= self.workers - 1:
-            return []
-        return [job for job in self._waiting if self._is_long(job)]
+        """The waiting request that may begin, of the client that used least, of the long ones or of the short ones."""
+        now, free = self._clock(), self.workers - len(self._running)
+        spare = self._spare if any(map(self._is_long, self._running)) else 0
+        short = [job for job in self._waiting if not self._is_long(job)] if free + spare > 0 else []
+        rests = free <= 0 or (short and now < self._long_from)
+        long = [] if rests else [job for job in self._waiting if self._is_long(job)]
+        return min(long or short, key=lambda job: self.usage.load(job.client, now=now), default=None)
 
     def _is_long(self, job: _Job) -> bool:
         """Whether a request takes longer than _LONG_SECONDS, or on a slow machine than those that are to be short."""

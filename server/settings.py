@@ -77,7 +77,12 @@ class Settings(BaseSettings):
     photo_secret: SecretStr | None = Field(
         None, description="the SECRET in that address; without it, nobody gets the photo"
     )
-    concurrency: int = Field(0, ge=0, le=1024, description="requests processed at the same time; 0 means one per CPU")
+    concurrency: int = Field(
+        0,
+        ge=0,
+        le=1024,
+        description="requests processed at the same time, and a short one beside long ones; 0 means one per CPU",
+    )
     threads: int = Field(1, ge=1, le=1024, description="onnxruntime threads per photo")
     queue: int = Field(32, ge=0, description="requests that may wait; beyond these, one of each client")
     max_bytes: int = Field(MAX_BYTES, ge=1, description="maximum size of a request body in bytes")

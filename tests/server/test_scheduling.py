@@ -265,7 +265,7 @@ async def show_long_route(runs: Runs, start: Any) -> None:
     await until(lambda: "first" in runs.ended)
 
 
-def test_long_requests_leave_a_thread_to_others() -> None:
+def test_long_requests_have_all_threads_and_a_short_one_begins_beside_them() -> None:
     runs = Runs(WorkLimiter(2, 9))
 
     async def scenario(start: Any) -> None:
@@ -273,15 +273,20 @@ def test_long_requests_leave_a_thread_to_others() -> None:
         await start("short 0", MODEST, route="short")
         runs.gates["short 0"].set()
         await until(lambda: "short 0" in runs.ended)
-        await start("long 0", GREEDY, route="long")
-        await start("long 1", GREEDY, route="long")
-        await until(lambda: "long 0" in runs.began)
-        assert "long 1" not in runs.began  # since there was somebody else a moment ago
-        await start("short 1", MODEST, route="short")
-        await until(lambda: runs.began[-1] == "short 1")
+        for number in range(3):
+            await start(f"long {number}", GREEDY, route="long")
+        await until(lambda: {"long 0", "long 1"} <= {*runs.began})
+        for number in range(1, 3):
+            await start(f"short {number}", MODEST, route="short")
+        await until(lambda: "short 1" in runs.began)
+        assert not {"long 2", "short 2"} & {*runs.began}
+        assert runs.limiter.running == 3
+        runs.gates["short 1"].set()
+        await until(lambda: "short 2" in runs.began)
+        assert "long 2" not in runs.began
 
     run_scenario(runs, scenario)
-    assert runs.ended["long 1"] == "done"
+    assert runs.ended["long 2"] == "done"
 
 
 def test_long_requests_get_their_clients_part_of_the_threads_while_short_ones_wait() -> None:
@@ -313,18 +318,17 @@ def test_long_requests_get_their_clients_part_of_the_threads_while_short_ones_wa
     assert runs.began[-1] == "short 2"
 
 
-def test_a_client_alone_leaves_a_thread_to_short_work() -> None:
+def test_short_requests_alone_have_no_more_threads_than_there_are() -> None:
     runs = Runs(WorkLimiter(2, 9, short=["short"]))
 
     async def scenario(start: Any) -> None:
-        for number in range(2):  # of which nobody knows yet how long they take
-            await start(f"long {number}", GREEDY, route="long")
-        await start("short", MODEST, route="short")
-        await until(lambda: {"long 0", "short"} <= {*runs.began})
-        assert "long 1" not in runs.began
+        for number in range(3):
+            await start(f"short {number}", MODEST, route="short")
+        await until(lambda: {"short 0", "short 1"} <= {*runs.began})
+        assert "short 2" not in runs.began
 
     run_scenario(runs, scenario)
-    assert runs.began[-1] == "long 1"
+    assert runs.began[-1] == "short 2"
 
 
 def test_photos_are_never_long_on_a_slow_machine() -> None:
