@@ -79,16 +79,16 @@ def test_work_goes_in_turn_and_the_greedy_one_is_refused(server: Server) -> None
     server.until("lighting_running", 0)
 
 
-def test_a_client_s_dear_requests_leave_a_thread(network: Path) -> None:
+def test_beside_a_client_s_dear_requests_others_have_a_thread(network: Path) -> None:
     """Also the first ones after a start, of which nobody knows yet how long they take."""
     with started(network, concurrency=2) as server, ExitStack() as stack:
-        dear = [stack.enter_context(server.connect("127.0.3.2")) for _ in range(2)]
+        dear = [stack.enter_context(server.connect("127.0.3.2")) for _ in range(3)]
         for connection in dear:
             connection.sendall(LONG_WORK)
         server.until("lighting_queue_depth", 1)
-        assert server.metric("lighting_running") == 1
+        assert server.metric("lighting_running") == 2
         ask_innocently(server)
-        assert [status_of(connection) for connection in dear] == [b"200", b"200"]
+        assert [status_of(connection) for connection in dear] == [b"200", b"200", b"200"]
 
 
 def test_headers_of_uploads_take_no_place(server: Server) -> None:
