@@ -375,11 +375,12 @@ def _exchange(kind: int, paths: _RaysToSphere, scene: SphereScene) -> Floats:
 
 def _diffuse_irradiance(scene: SphereScene, coarseness: int) -> Floats:
     """Irradiance (h, 2h, 3) of the diffuse sphere by a coarse sky, ground and other spheres, by its normals."""
-    incoming, rows = _INCOMING_ROWS // coarseness, _NORMAL_ROWS // coarseness
-    scene = replace(scene, sky=shrink_envmap(scene.sky, incoming))
-    rays = geometry.latlong_directions(incoming).reshape(-1, 3)
+    rows = _NORMAL_ROWS // coarseness
+    scene = replace(scene, sky=shrink_envmap(scene.sky, _INCOMING_ROWS))
+    rays = geometry.latlong_directions(_INCOMING_ROWS).reshape(-1, 3)
     normals = geometry.latlong_directions(rows).reshape(-1, 3)
-    weight = np.maximum(normals @ rays.T, 0) * np.repeat(geometry.latlong_solid_angle(incoming), 2 * incoming)
+    solid_angle = np.repeat(geometry.latlong_solid_angle(_INCOMING_ROWS), 2 * _INCOMING_ROWS)
+    weight = np.maximum(normals @ rays.T, 0) * solid_angle
     normal, ray = np.nonzero(weight)
     radiance = np.zeros((*weight.shape, 3), dtype=np.float32)
     points = (scene.centers[DIFFUSE] + normals).astype(np.float32)
