@@ -164,14 +164,10 @@ def render_sphere_scene(
         height: pixels.
         supersampling: rays per pixel and side, where neighbouring pixels differ; else one.
     """
-    camera = _scene_camera(lighting, width, height)
-    even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
-    if supersampling == 1:
-        return even
+    even, uneven, fine = _sample_scene(scene, lighting, width, height, supersampling)
     blocks = np.empty((height, width, supersampling, supersampling, 3), dtype=np.float32)
     blocks[:] = even[:, :, None, None]
-    uneven = _is_uneven(even)
-    blocks[uneven] = _trace_rays(_fine_rays(camera, uneven, supersampling), scene)
+    blocks[uneven] = fine
     return np.ascontiguousarray(blocks.transpose(0, 2, 1, 3, 4)).reshape(supersampling * height, -1, 3)
 
 
@@ -184,16 +180,20 @@ def draw_sphere_scene(scene: SphereScene, lighting: Lighting, width: int, height
         width: pixels.
         height: pixels.
     """
-    camera = _scene_camera(lighting, width, height)
-    even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
-    picture, uneven = display_srgb(even), _is_uneven(even)
-    fine = display_srgb(_trace_rays(_fine_rays(camera, uneven, _FINE), scene))
-    picture[uneven] = fine.mean(axis=(1, 2)) + 0.5  # rounded
+    even, uneven, fine = _sample_scene(scene, lighting, width, height, _FINE)
+    picture = display_srgb(even)
+    picture[uneven] = display_srgb(fine).mean(axis=(1, 2)) + 0.5  # rounded
     return picture
 
 
-def _scene_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
-    return Pinhole(width, height, VERTICAL_FOV, elevation=limit_pitch(lighting))
+def _sample_scene(
+    scene: SphereScene, lighting: Lighting, width: int, height: int, parts: int
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
+    """Radiance (height, width, 3) of a ray a pixel, where neighbours differ, and that of parts (N, parts, parts, 3)."""
+    camera = Pinhole(width, height, VERTICAL_FOV, elevation=limit_pitch(lighting))
+    even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
+    uneven = _is_uneven(even) if parts > 1 else np.zeros((height, width), dtype=bool)
+    return even, uneven, _trace_rays(_fine_rays(camera, uneven, parts), scene)
 
 
 def _fine_rays(camera: Pinhole, pixels: NDArray[np.bool_], parts: int) -> NDArray[np.float32]:
