@@ -25,11 +25,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from lighting.geometry import Floats, focal_length, shrink_size
+from lighting.geometry import Floats, focal_length, shrink_size, turn_to_degrees
 from lighting.prediction import Prediction
 
 _Bytes = NDArray[np.uint8]
-_DEGREES = np.float32(180) / np.float32(np.pi)  # of a radian
 
 MAX_LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
 LINES_SIDE = 448  # pixels along the longer side; more bring no better camera
@@ -428,6 +427,4 @@ def _angles_to_verticals(lines: _Lines, verticals: Floats, prediction: Predictio
     up = up_in_camera(prediction.camera_elevation, prediction.camera_roll)
     right, above, forward = _in_picture(up, _tan_half_fov(prediction))
     across = lines.across / np.hypot(right - x * forward, above - y * forward)
-    angles = across.T.astype(np.float32) @ verticals.reshape(3, -1).astype(np.float32)
-    angles *= _DEGREES  # as np.degrees does in ten times the time
-    return np.asarray(angles)
+    return turn_to_degrees(across.T.astype(np.float32) @ verticals.reshape(3, -1).astype(np.float32))

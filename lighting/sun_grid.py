@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ModelError
-from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
+from lighting.geometry import Floats, angle_between, angles, direction, turn_to_degrees, wrap_azimuth
 
 _GOLDEN_ANGLE = 180.0 * (3.0 - 5.0**0.5)  # deg
 _SMOOTHING = 200.0  # von Mises-Fisher concentration (4 deg) of densities between cells
@@ -292,8 +292,7 @@ def _lobe_elevations() -> tuple[Floats, Floats]:
 def _bounded_errors(directions: Floats, cells: Floats) -> NDArray[np.float32]:
     """Angles [deg] (C, N) between directions (C, 3) and cells (N, 3), at most _MAX_ERROR."""
     cosine = np.clip(directions.astype(np.float32) @ cells.astype(np.float32).T, np.float32(-1), np.float32(1))
-    error = np.arccos(cosine, out=cosine)
-    error *= np.float32(180) / np.float32(np.pi)  # as np.degrees does in ten times the time
+    error = turn_to_degrees(np.arccos(cosine, out=cosine))
     return np.asarray(np.minimum(error, np.float32(_MAX_ERROR), out=error))
 
 
