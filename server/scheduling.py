@@ -129,7 +129,7 @@ class WorkLimiter:
     """Runs a fixed number of requests in threads; a fixed number waits, and of further ones each client's only one.
 
     Args:
-        workers: threads.
+        workers: threads; of several, short requests have one more beside long ones.
         queue: requests that may wait in addition.
         max_bytes: of a body. Clients' only requests wait beyond the queue while it has room for their bodies; with 0
             none does.

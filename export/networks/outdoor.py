@@ -198,10 +198,8 @@ def reduce_light_heads(network: nn.Module) -> None:
             root = sizes[:_LIGHT_RANK].sqrt()
             narrow, wide = nn.Linear(first.in_features, len(root)), nn.Linear(len(root), first.out_features)
             narrow.weight.data, wide.weight.data = root[:, None] * right[: len(root)], left[:, : len(root)] * root
-            narrow.bias.data, wide.bias.data = (
-                torch.zeros(len(root)),
-                first.bias.detach(),
-            )  # without it a file rounds more
+            wide.bias.data = first.bias.detach()
+            narrow.bias.data = torch.zeros(len(root))  # a product without a bias would be of whole numbers in a file
             head[1] = nn.Sequential(narrow, wide)
 
 
