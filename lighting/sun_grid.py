@@ -36,7 +36,7 @@ _NEAR_ANGLE = 25.0  # deg from the best cell; the probability within says how br
 _CANDIDATE_SUNS = 3
 _CANDIDATE_SEPARATION = 40.0  # deg, least angle between two of them
 _CANDIDATE_RADIUS = 22.5  # deg about one of them, within which it is right
-_BLOCK_ROWS = 128  # of the matrix that says which cells are near
+_BLOCK_ROWS = 128  # of a matrix of directions and cells
 _MIN_CANDIDATE_SUN = 0.05  # least share of the probability of the second and third
 _TARGET_STD = 4.0  # deg, of the lobes about true suns that networks are trained to predict
 
@@ -243,7 +243,7 @@ def likeliest_suns(answer: Floats, probability: ArrayLike, directions: Floats, l
     """
     p, cells = np.asarray(probability, dtype=np.float32), grid_directions(layout)
     near = _near_cells(layout) if directions is cells else _are_near(directions, cells)
-    mass, suns = np.concatenate([near[part] @ p for part in _row_blocks(len(near))]), answer[None]
+    mass, suns = np.concatenate([near[part] @ p for part in row_blocks(len(near))]), answer[None]
     while len(suns) < _CANDIDATE_SUNS:
         mass = np.where(directions @ suns[-1] > math.cos(math.radians(_CANDIDATE_SEPARATION)), -1.0, mass)
         more = np.vstack([suns, directions[np.argmax(mass)]])
@@ -267,13 +267,17 @@ def _are_near(directions: Floats, cells: Floats) -> NDArray[np.bool_]:
     """Where a cell (N,) lies within 22.5 deg of a direction (M,)."""
     rows, columns = directions.astype(np.float32), cells.astype(np.float32).T
     near = np.empty((len(rows), len(cells)), dtype=bool)
-    for part in _row_blocks(len(rows)):
+    for part in row_blocks(len(rows)):
         np.greater_equal(rows[part] @ columns, np.float32(math.cos(math.radians(_CANDIDATE_RADIUS))), out=near[part])
     return near
 
 
-def _row_blocks(rows: int) -> Iterator[slice]:
-    """Parts of a matrix that stay in the processor's cache: fresh memory costs more than the sums."""
+def row_blocks(rows: int) -> Iterator[slice]:
+    """Return parts of a matrix that stay in the processor's cache: fresh memory costs more than the sums.
+
+    Args:
+        rows: of the matrix, 0 or more.
+    """
     return (slice(start, start + _BLOCK_ROWS) for start in range(0, rows, _BLOCK_ROWS))
 
 

@@ -22,7 +22,7 @@ from lighting.preview.drawing import (
     draw_text_inside,
 )
 from lighting.records import Lighting
-from lighting.sun_grid import grid_directions
+from lighting.sun_grid import grid_directions, row_blocks
 
 _SHARE_LETTERS = 15  # pixels, size of a region's share
 
@@ -148,8 +148,12 @@ def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats
     cells = grid_directions(distribution.grid).astype(np.float32)
     concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
     probable = probability > 1e-4 * probability.max()
-    kernel = np.exp(concentration * (dome @ cells[probable].T - 1))
-    return np.asarray(kernel @ probability[probable] * concentration / np.float32(2 * np.pi))
+    axes, density = concentration * cells[probable].T, np.empty(len(dome), np.float32)
+    for part in row_blocks(len(dome)):
+        kernel = dome[part] @ axes
+        kernel -= concentration
+        density[part] = np.exp(kernel, out=kernel) @ probability[probable]
+    return density * (concentration / np.float32(2 * np.pi))
 
 
 def _draw_rings(panel: Image.Image, radius: float) -> None:

@@ -67,7 +67,7 @@ _NORMAL_ROWS = 12  # of `SphereScene.diffuse_irradiance`, by the normal
 _INCOMING_ROWS = 16  # of the directions from which light comes to the diffuse sphere
 _BOUNCES = (2, 1)  # of light between spheres and ground: how much coarser its tables and rays are in each
 _BOUNCES_DIMMED = (1,)  # where that light is nearly right already
-_EVEN = 0.005  # of square roots of linear values, 1 of 255 levels off the neighbours, up to which one ray will do
+_EVEN = 0.01  # of square roots of linear values, 2 of 255 levels off the neighbours, up to which one ray will do
 _EPSILON = 1e-9  # stands for no light
 
 _RAYS_AT_ONCE = 1 << 15  # of the camera, few enough for the processor's cache
@@ -214,7 +214,7 @@ def _trace_rays(rays: NDArray[np.float32], scene: SphereScene) -> NDArray[np.flo
 
 
 def _is_uneven(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which pixels (H, W) of a picture (H, W, 3) lie within two of one that is off its neighbours' mean by over _EVEN.
+    """Which pixels (H, W) of a picture (H, W, 3) are off their neighbours' mean by over _EVEN, or lie beside one.
 
     Where it changes evenly, a pixel's middle has its mean. Edges that fall between the rays show beside them; what is
     smaller than a pixel lies on such edges.
@@ -223,9 +223,9 @@ def _is_uneven(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
     uneven = np.zeros(shown.shape[:2], dtype=bool)
     uneven[1:-1] |= _is_bent(shown[:-2], shown[1:-1], shown[2:])
     uneven[:, 1:-1] |= _is_bent(shown[:, :-2], shown[:, 1:-1], shown[:, 2:])
-    near = np.pad(uneven, 2)
-    rows = np.logical_or.reduce([near[start : len(near) - 4 + start] for start in range(5)])
-    return np.asarray(np.logical_or.reduce([rows[:, start : rows.shape[1] - 4 + start] for start in range(5)]))
+    near = np.pad(uneven, 1)
+    rows = near[:-2] | near[1:-1] | near[2:]
+    return np.asarray(rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:])
 
 
 def _is_bent(before: Floats, middle: Floats, after: Floats) -> NDArray[np.bool_]:
