@@ -262,22 +262,14 @@ def _verdicts(by_call: Mapping[int, int]) -> Iterator[_Step]:
 
 def _conditions(machine: str, *names: str) -> Iterator[_Step]:
     """Steps about calls whose arguments count; each ends the filter or leaves the number of the call loaded."""
+    conditions = {  # which argument counts, operation and values, the verdict if one of them fits, and the other one
+        "prlimit64": (0, _EQUAL, (0,), _ALLOW, _NOT_PERMITTED),  # of this process, not of another
+        "tgkill": (0, _EQUAL, (os.getpid(),), _ALLOW, _NOT_PERMITTED),
+        "clone": (0, _ANY_BIT, (_CLONE_THREAD,), _ALLOW, _NOT_PERMITTED),  # a thread, not a process
+        "fcntl": (1, _EQUAL, _SET_SIGNAL_TARGET, _NOT_PERMITTED, _ALLOW),  # signals to another process
+    }
     for name, call in zip(names, _numbers(machine, {name: _CONDITIONAL_CALLS[name] for name in names}), strict=True):
-        argument, operation, values, verdict, otherwise = _condition(name)
+        argument, operation, values, verdict, otherwise = conditions[name]
         tests = [(operation, len(values) - i, 0, value) for i, value in enumerate(values)]
         yield from ((_EQUAL, 0, 3 + len(values), call), (_LOAD, 0, 0, 16 + 8 * argument), *tests)
         yield from ((_GIVE, 0, 0, otherwise), (_GIVE, 0, 0, verdict))
-
-
-def _condition(name: str) -> tuple[int, int, tuple[int, ...], int, int]:
-    """Of a call: which argument counts, operation and values, the verdict if one of them fits, and the other one."""
-    match name:
-        case "prlimit64":  # of this process, not of another
-            return 0, _EQUAL, (0,), _ALLOW, _NOT_PERMITTED
-        case "tgkill":
-            return 0, _EQUAL, (os.getpid(),), _ALLOW, _NOT_PERMITTED
-        case "clone":  # a thread, not a process
-            return 0, _ANY_BIT, (_CLONE_THREAD,), _ALLOW, _NOT_PERMITTED
-        case "fcntl":  # signals to another process
-            return 1, _EQUAL, _SET_SIGNAL_TARGET, _NOT_PERMITTED, _ALLOW
-    raise KeyError(name)

@@ -8,7 +8,6 @@ warn.
 import reprlib
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
 from types import ModuleType
@@ -50,30 +49,22 @@ class ErrorCode(StrEnum):
     """It failed for another reason, which the sentence tells."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class _RenamedName:
-    """Where a public name is now, and the first release without the old one."""
-
-    module: str
-    name: str  # of an attribute of a class: Class.attribute
-    gone_in: str  # release
-
-
-RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_old_name` itself
-    "lighting.Estimator.together": _RenamedName("lighting", "Estimator.estimate_views", "0.4.0"),
-    "lighting.Given": _RenamedName("lighting", "UserInput", "0.4.0"),
-    "lighting.MapOptions.detail": _RenamedName("lighting", "MapOptions.around", "0.4.0"),
-    "lighting.MapOptions.surroundings": _RenamedName("lighting", "MapOptions.around", "0.4.0"),
-    "lighting.Estimate.save.colours": _RenamedName("lighting", "Estimate.save.colors", "0.4.0"),
-    "lighting.UserInput.use_exif": _RenamedName("lighting", "UserInput.metadata", "0.4.0"),
-    "lighting.photo.photo_of": _RenamedName("lighting.photo.reader", "photo_from_array", "0.4.0"),
-    "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.4.0"),
-    "lighting.photo.read_time": _RenamedName("lighting.photo.timestamps", "parse_time", "0.4.0"),
-    "lighting.photo.reader.Photo.facts": _RenamedName("lighting.photo.reader", "Photo.metadata", "0.4.0"),
-    "lighting.probe.probes_in": _RenamedName("lighting.probe.bracket", "probes_in", "0.4.0"),
-    "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.4.0"),
-    "lighting.video.stream.Tracker.given": _RenamedName("lighting.video.stream", "Tracker.user_input", "0.4.0"),
-    "lighting.write_exr.colours": _RenamedName("lighting", "write_exr.colors", "0.4.0"),
+_GONE_IN = "0.4.0"  # the first release without the old names
+RENAMED = {  # where a public name is now, by the old one; an attribute of a class calls `warn_of_old_name` itself
+    "lighting.Estimator.together": "lighting.Estimator.estimate_views",
+    "lighting.Given": "lighting.UserInput",
+    "lighting.MapOptions.detail": "lighting.MapOptions.around",
+    "lighting.MapOptions.surroundings": "lighting.MapOptions.around",
+    "lighting.Estimate.save.colours": "lighting.Estimate.save.colors",
+    "lighting.UserInput.use_exif": "lighting.UserInput.metadata",
+    "lighting.photo.photo_of": "lighting.photo.reader.photo_from_array",
+    "lighting.photo.read_photo": "lighting.read_photo",
+    "lighting.photo.read_time": "lighting.photo.timestamps.parse_time",
+    "lighting.photo.reader.Photo.facts": "lighting.photo.reader.Photo.metadata",
+    "lighting.probe.probes_in": "lighting.probe.bracket.probes_in",
+    "lighting.video.Tracker": "lighting.video.stream.Tracker",
+    "lighting.video.stream.Tracker.given": "lighting.video.stream.Tracker.user_input",
+    "lighting.write_exr.colours": "lighting.write_exr.colors",
 }
 # What people type, without dashes, in commands, URLs and forms alike. The old names go in 0.4.0, the short ones stay.
 OLD_NAMES = {"colours": "colors", "exif": "metadata", "tool": "for"}
@@ -254,31 +245,21 @@ class VideoError(LightingError):
 class _ParameterTypeError(ParameterError, TypeError):
     """A parameter is of the wrong type."""
 
-    default_code = ErrorCode.WRONG_TYPE
-
 
 class _PhotoTypeError(PhotoError, TypeError):
     """What is given is neither a photo nor where one is."""
-
-    default_code = ErrorCode.WRONG_TYPE
 
 
 class _ModelTypeError(ModelError, TypeError):
     """What is given is not where a network is."""
 
-    default_code = ErrorCode.WRONG_TYPE
-
 
 class _EnvironmentMapTypeError(EnvironmentMapError, TypeError):
     """What is given is neither an environment map nor where one is written."""
 
-    default_code = ErrorCode.WRONG_TYPE
-
 
 class _SceneTypeError(SceneError, TypeError):
     """What is given is neither a scene nor where one is written."""
-
-    default_code = ErrorCode.WRONG_TYPE
 
 
 _TYPE_ERRORS: dict[type[LightingError], type[LightingError]] = {
@@ -340,7 +321,8 @@ def replacement(package: str, name: str) -> object:
     if old not in RENAMED:
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
     warn_of_old_name(old, stacklevel=4)
-    return getattr(import_module(RENAMED[old].module), RENAMED[old].name)
+    module, _, new = RENAMED[old].rpartition(".")
+    return getattr(import_module(module), new)
 
 
 def warn_of_old_name(old: str, stacklevel: int = 3) -> None:
@@ -350,8 +332,7 @@ def warn_of_old_name(old: str, stacklevel: int = 3) -> None:
         old: a key of RENAMED.
         stacklevel: whose line the warning names; 3 is the caller of the function that calls this.
     """
-    new = RENAMED[old]
-    sentence = f"{old} is now {new.module}.{new.name}; the old name goes in {new.gone_in}."
+    sentence = f"{old} is now {RENAMED[old]}; the old name goes in {_GONE_IN}."
     warnings.warn(sentence, DeprecationWarning, stacklevel)
 
 

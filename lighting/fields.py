@@ -8,7 +8,8 @@ fields nowhere; `describe_fields` gives them to `help`.
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from contextlib import suppress
+from dataclasses import asdict, fields, is_dataclass
 from datetime import UTC, datetime
 from enum import Enum
 from itertools import pairwise
@@ -17,8 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 from lighting.errors import ErrorCode, ParameterError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 Json = dict[str, Any]  # an object of JSON, as it is read or written
 
@@ -59,7 +59,7 @@ COLOR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not alw
 PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
 _PLAIN = (int, float, type(None))  # types of Python's own
 
-_RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Lighting that are not at its top
+_RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Lighting, in its order
     "model_name": "model.name",
     "model_version": "model.version",
     "sun_azimuth": "sun.azimuth",
@@ -67,6 +67,7 @@ _RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a L
     "sun_visibility": "sun.visibility",
     "radius_50": "sun.radius_50",
     "radius_90": "sun.radius_90",
+    "sun_direction": "sun.direction",
     "sun_candidates": "sun.candidates",
     "sun_irradiance": "sun.irradiance",
     "turbidity": "sky.turbidity",
@@ -83,18 +84,22 @@ _RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a L
     "camera_heading": "camera.heading",
     "camera_heading_radius_50": "camera.heading_radius_50",
     "camera_heading_radius_90": "camera.heading_radius_90",
-    "camera_heading_probability": "camera.heading_probability",
     "relative_heading": "camera.relative_heading",
+    "camera_heading_probability": "camera.heading_probability",
     "latitude": "place.latitude",
     "longitude": "place.longitude",
-    "utc_time": "time.utc",
     "utc_offset": "time.utc_offset",
+    "utc_time": "time.utc",
     "time_source": "time.source",
-    "ground_color": "ground.color",
     "ground_visible": "ground.visible",
+    "ground_color": "ground.color",
     "spot_pixel": "ground.spot.pixel",
     "spot_direction": "ground.spot.direction",
+    **{name: name for name in ("suitable", "trust", "evidence", "warnings")},
 }
+_DERIVED = ("sun_direction", "trust")  # by the record from the others
+_NEEDED = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
+_LISTS = ("camera_heading_probability", *COLOR_RANGES, "spot_pixel", "spot_direction")  # of numbers
 
 _SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
     "fov": "lens_fov",
@@ -306,51 +311,32 @@ def _list_fields(record: type, summary: str) -> str:
 
 # JSON in and out.
 
-# Section and name in a JSON record, and attribute, of each plain number and of each color.
-_NUMBERS = [(*path.split("."), attribute) for attribute, path in _RECORD_PATHS.items() if attribute in PLAIN_RANGES]
-_COLORS = [(*_RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 
-
-def nest_fields(values: Json, sun_direction: "NDArray[np.floating]", trust: str) -> Json:
-    """Return the JSON record of the fields of a Lighting, with `sun.direction` and `trust`, without what is unknown.
+def nest_fields(values: Json) -> Json:
+    """Return the JSON record of the fields of a Lighting and what it derives, without what is unknown.
 
     Args:
-        values: of the fields, by name.
-        sun_direction: unit vector (3,).
-        trust: the word for it.
+        values: of the fields, by name; `sun_direction` and `trust` too.
     """
-    record: Json = {"model": {"name": values["model_name"], "version": values["model_version"]}}
-    for section, name, attribute in _NUMBERS:
-        group = record.setdefault(section, {})
-        if values[attribute] is not None:
-            group[name] = values[attribute]
-    record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
-    if values["sun_candidates"]:
-        record["sun"]["candidates"] = [asdict(sun) for sun in values["sun_candidates"]]
-    for section, name, attribute in _COLORS:
-        if (color := values[attribute]) is not None:
-            record.setdefault(section, {})[name] = list(color)
-    if values["spot_pixel"] is not None:
-        record["ground"]["spot"] = {name: list(values[f"spot_{name}"]) for name in ("pixel", "direction")}
-    elif values["ground_visible"] is not None:
-        record["ground"]["spot"] = None  # it was sought, and there is none
-    if not record["ground"]:
-        del record["ground"]
-    record["sky"]["model"] = values["sky_model"]
-    if values["sky_painted"] is not None:
-        record["sky"]["painted"] = values["sky_painted"]
-    if values["suitable"] is not None:
-        record["suitable"] = values["suitable"]
-    if values["camera_heading_probability"]:
-        record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
-    if (time := values["utc_time"]) is not None:
-        record["time"]["utc"] = time.astimezone(UTC).isoformat().replace("+00:00", "Z")
-    if values["time_source"] is not None:
-        record["time"]["source"] = values["time_source"]
-    for section in ("place", "time"):
-        if not record[section]:
-            del record[section]
-    return record | {"trust": trust, "evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
+    record: Json = {}
+    for attribute, path in _RECORD_PATHS.items():
+        value = values[attribute]
+        if value is None or (value == () and attribute not in ("evidence", "warnings")):
+            continue
+        *sections, name = path.split(".")
+        group = record
+        for section in sections:
+            group = group.setdefault(section, {})
+        group[name] = _as_json(value)
+    if values["ground_visible"] is not None:
+        record["ground"].setdefault("spot", None)  # it was sought, and there is none
+    return record
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [asdict(part) if is_dataclass(part) and not isinstance(part, type) else part for part in value]
+    return value.astimezone(UTC).isoformat().replace("+00:00", "Z") if isinstance(value, datetime) else value
 
 
 def flatten_record(record: Mapping[str, Any]) -> Json:
@@ -365,40 +351,26 @@ def flatten_record(record: Mapping[str, Any]) -> Json:
     if not isinstance(record, Mapping):
         sentence = f"A lighting record must be an object, not {reprlib.repr(record)}."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
-    names = dict.fromkeys((*(section for section, _, _ in _NUMBERS), "model", "ground"))
-    sections = {name: _section(record, name) for name in names}
-    values: Json = {attribute: sections[section].get(name) for section, name, attribute in _NUMBERS}
-    for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
-        if values[name] is None:
-            path = _RECORD_PATHS[name]
+    values: Json = {}
+    for attribute, path in _RECORD_PATHS.items():
+        *sections, name = path.split(".")
+        group = record
+        for section in sections:
+            group = _section(group, section)
+        if attribute not in _DERIVED and (value := group.get(name)) is not None:
+            values[attribute] = value
+    for attribute in _NEEDED:
+        if attribute not in values:
+            path = _RECORD_PATHS[attribute]
             raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
-    values |= {f"model_{name}": sections["model"].get(name) for name in ("name", "version")}
-    values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
-    values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
-    values["sun_candidates"] = sections["sun"].get("candidates")
-    values |= {attribute: _numbers(sections, section, name) for section, name, attribute in _COLORS}
-    if sections["ground"].get("spot") is not None:
-        spots = {"spot": _section(sections["ground"], "spot")}
-        values |= {f"spot_{name}": _numbers(spots, "spot", name) for name in ("pixel", "direction")}
-    values |= {"sky_model": sections["sky"].get("model"), "sky_painted": sections["sky"].get("painted")}
-    values["utc_time"], values["time_source"] = _time(sections["time"].get("utc")), sections["time"].get("source")
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str) -> tuple[float, ...] | None:
-    """A list in a record; None where it is absent, which an empty one is not."""
-    numbers = sections[section].get(name)
-    if numbers is not None and not isinstance(numbers, list | tuple):
-        raise ParameterError.wrong_type(f"{section}.{name}", "a list of numbers", numbers)
-    return None if numbers is None else tuple(numbers)
-
-
-def _time(text: object) -> object:
-    """The time that a record's text says; any other value as it is, to be refused."""
-    try:
-        return datetime.fromisoformat(text) if isinstance(text, str) else text
-    except ValueError:
-        return text
+    for attribute in (name for name in _LISTS if name in values):
+        if not isinstance(values[attribute], list | tuple):
+            raise ParameterError.wrong_type(_RECORD_PATHS[attribute], "a list of numbers", values[attribute])
+        values[attribute] = tuple(values[attribute])
+    if isinstance(values.get("utc_time"), str):
+        with suppress(ValueError):  # a text that is no time is refused later
+            values["utc_time"] = datetime.fromisoformat(values["utc_time"])
+    return values
 
 
 def _section(record: Mapping[str, Any], name: str) -> Mapping[str, Any]:

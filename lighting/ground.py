@@ -4,6 +4,7 @@ What the photo shows is of `prediction.photo_segments`; the camera says where th
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from lighting.prediction import (
     photo_segments,
     pixel_share,
 )
-from lighting.records import Lighting
+from lighting.records import Color, Lighting
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
 _ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii
@@ -125,14 +126,11 @@ def is_in_sun(sunny: NDArray[np.bool_], foot: Floats) -> bool:
     return bool(sunny[row, column])
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class _GroundSpot:
+class _Spot(NamedTuple):
     """Where an object may stand."""
 
-    pixel: tuple[float, float]
-    """(x, y) in the picture."""
-    direction: tuple[float, float, float]
-    """Unit vector from the camera."""
+    pixel: tuple[float, float]  # (x, y) in the picture
+    direction: Color  # unit vector from the camera
 
 
 def describe_ground(
@@ -164,12 +162,9 @@ def describe_ground(
     spot = None if stated is None else _stated_spot(camera, stated)
     if spot is None and segments is not None and not is_aerial:
         spot = _find_ground_spot(segments, camera, light.camera_height)
-    light = replace(
-        light,
-        ground_visible=None if segments is None else round_significant(_visible_ground(segments)),
-        spot_pixel=None if spot is None else spot.pixel,
-        spot_direction=None if spot is None else spot.direction,
-    )
+    visible = None if segments is None else round_significant(_visible_ground(segments))
+    pixel, ray = spot or (None, None)
+    light = replace(light, ground_visible=visible, spot_pixel=pixel, spot_direction=ray)
     return replace(estimate, lighting=light, segments=segments)
 
 
@@ -217,7 +212,7 @@ def max_object_meters(camera_height: float) -> float:
     return min(_MAX_RADIUS_METERS, _MAX_RADIUS_SHARE * camera_height)
 
 
-def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) -> _GroundSpot | None:
+def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) -> _Spot | None:
     """Return where an object may stand in a picture; None where it shows no ground for one.
 
     The ground must be below the horizon, and so near that a ball is seen there. Of such places the one counts most
@@ -249,15 +244,13 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
     return _spot_at(camera, float(x), float(y))
 
 
-def _spot_at(camera: Pinhole, x: float, y: float) -> _GroundSpot:
+def _spot_at(camera: Pinhole, x: float, y: float) -> _Spot:
     """Return the spot at a pixel of a camera's picture."""
-    right, up, forward = camera.axes
-    ray = camera.focal_length * forward + (x - camera.width / 2) * right - (y - camera.height / 2) * up
-    lateral, vertical, depth = (ray / np.linalg.norm(ray)).tolist()
-    return _GroundSpot((round(x, 1), round(y, 1)), (round(lateral, 6), round(vertical, 6), round(depth, 6)))
+    lateral, vertical, depth = np.round(geometry.pixel_ray(camera, (x, y)), 6).tolist()
+    return _Spot((round(x, 1), round(y, 1)), (lateral, vertical, depth))
 
 
-def _stated_spot(camera: Pinhole, stated: tuple[float, float]) -> _GroundSpot:
+def _stated_spot(camera: Pinhole, stated: tuple[float, float]) -> _Spot:
     """Return the spot at a pixel that the user states; ParameterError where the camera sees no ground."""
     x, y = stated
     if not (0 <= x < camera.width and 0 <= y < camera.height):

@@ -200,29 +200,31 @@ def shader_harmonics(coefficients: Floats) -> Floats:
 def _webxr(probe: LightProbe) -> Json:
     """The attributes of an XRLightEstimate; where no sun shines, what WebXR has for no estimate."""
     light = probe.main_light
-    x, y, z = light.direction if light.irradiance.any() else (0.0, 1.0, 0.0)
-    red, green, blue = light.irradiance
+    toward = light.direction if light.irradiance.any() else np.array([0.0, 1.0, 0.0])
     return {
         "sphericalHarmonicsCoefficients": round_all(probe.coefficients),
-        "primaryLightDirection": _point(x, y, z, 0.0),
-        "primaryLightIntensity": _point(red, green, blue, 1.0),
+        "primaryLightDirection": _point(toward, 0.0),
+        "primaryLightIntensity": _point(light.irradiance, 1.0),
     }
 
 
-def _point(x: float, y: float, z: float, w: float) -> Json:
-    return dict(zip("xyzw", round_all(np.array([x, y, z, w])), strict=True))
+def _point(values: Floats, w: float) -> Json:
+    return dict(zip("xyzw", round_all([*values, w]), strict=True))
+
+
+def _lamp(probe: LightProbe, scale: float = 1.0) -> tuple[Floats, float]:
+    """Color (3,) and rounded intensity of the main light, whose irradiance is a scale times the intensity."""
+    color, intensity = color_and_intensity(probe.main_light.irradiance / scale)
+    return color, round_significant(intensity)
 
 
 def _threejs(probe: LightProbe) -> Json:
     """What LightProbe.sh.fromArray takes, and a DirectionalLight's position, linear color and intensity."""
-    color, intensity = color_and_intensity(probe.main_light.irradiance)
+    color, intensity = _lamp(probe)
+    position = round_all(probe.main_light.direction)
     return {
         "lightProbe": {"sh": round_all(probe.coefficients)},
-        "directionalLight": {
-            "position": round_all(probe.main_light.direction),
-            "color": round_all(color),
-            "intensity": round_significant(intensity),
-        },
+        "directionalLight": {"position": position, "color": round_all(color), "intensity": intensity},
     }
 
 
@@ -238,9 +240,8 @@ def _arcore(probe: LightProbe) -> Json:
 def _arkit(probe: LightProbe) -> Json:
     """The properties of an ARDirectionalLightEstimate: all red, then all green, then all blue coefficients."""
     light = probe.main_light
-    level = irradiance_from_harmonics(probe.coefficients, [0.0, 1.0, 0.0]) + light.irradiance * max(
-        float(light.direction[1]), 0.0
-    )
+    level = irradiance_from_harmonics(probe.coefficients, [0.0, 1.0, 0.0])
+    level = level + light.irradiance * max(float(light.direction[1]), 0.0)
     return {
         "sphericalHarmonicsCoefficients": round_all(probe.coefficients.T),
         "primaryLightDirection": round_all(-light.direction),
@@ -256,51 +257,43 @@ def _lumens(irradiance: Floats) -> float:
 
 def _unity(probe: LightProbe) -> Json:
     """Numbers of a SphericalHarmonicsL2, by channel, and a Light's, in Unity's left-handed frame: +Z looks ahead."""
-    light = probe.main_light
-    color, intensity = color_and_intensity(light.irradiance / math.pi)
+    light, stated = probe.main_light, probe.main_light.to_dict()
+    color, intensity = _lamp(probe, math.pi)
     return {
         "sphericalHarmonicsL2": [round_all(row) for row in (shader_harmonics(probe.coefficients) * _MIRRORED).T],
         "light": {
             "forward": round_all(light.direction * [-1, -1, 1]),
             "color": round_all(color),
-            "intensity": round_significant(intensity),
-            "lux": round_significant(light.lux),
-            "colorTemperature": None if light.kelvin is None else round(light.kelvin),
+            "intensity": intensity,
+            "lux": stated["lux"],
+            "colorTemperature": stated["kelvin"],
         },
     }
 
 
 def _filament(probe: LightProbe) -> Json:
     """What IndirectLight.Builder.irradiance(3, sh) takes, as in cmgen's sh.txt, and a sun for exposure 1."""
-    color, intensity = color_and_intensity(probe.main_light.irradiance)
+    color, intensity = _lamp(probe)
+    lux, direction = round_significant(probe.main_light.lux), round_all(-probe.main_light.direction)
     return {
         "indirectLight": {"irradiance": round_all(shader_harmonics(probe.coefficients)), "intensity": 1.0},
-        "sun": {
-            "direction": round_all(-probe.main_light.direction),
-            "color": round_all(color),
-            "intensity": round_significant(intensity),
-            "lux": round_significant(probe.main_light.lux),
-        },
+        "sun": {"direction": direction, "color": round_all(color), "intensity": intensity, "lux": lux},
     }
 
 
 def _babylon(probe: LightProbe) -> Json:
     """Radiance for SphericalHarmonics.FromArray, in a scene with useRightHandedSystem, and a DirectionalLight."""
-    color, intensity = color_and_intensity(probe.main_light.irradiance)
+    color, intensity = _lamp(probe)
+    direction = round_all(-probe.main_light.direction)
     return {
         "sphericalHarmonics": [round_all(row) for row in CONDON_SHORTLEY[:, None] * probe.coefficients],
-        "directionalLight": {
-            "direction": round_all(-probe.main_light.direction),
-            "diffuse": round_all(color),
-            "intensity": round_significant(intensity),
-        },
+        "directionalLight": {"direction": direction, "diffuse": round_all(color), "intensity": intensity},
     }
 
 
 def _godot(probe: LightProbe) -> Json:
     """Colors of a LightmapGIData probe, the mean as an Environment's ambient light, and a DirectionalLight3D."""
-    light = probe.main_light
-    color, intensity = color_and_intensity(light.irradiance / math.pi)
+    stated, (color, intensity) = probe.main_light.to_dict(), _lamp(probe, math.pi)
     ambient, energy = color_and_intensity(np.maximum(probe.coefficients[0] * _BASIS_FACTORS[0], 0.0))
     return {
         "probe_sh": [round_all(row) for row in probe.coefficients / math.pi],
@@ -309,11 +302,11 @@ def _godot(probe: LightProbe) -> Json:
             "ambient_light_energy": round_significant(energy),
         },
         "directional_light": {
-            "direction": round_all(-light.direction),
+            "direction": round_all(-probe.main_light.direction),
             "light_color": round_all(srgb_encode(color)),
-            "light_energy": round_significant(intensity),
-            "light_intensity_lux": round_significant(light.lux),
-            "light_temperature": None if light.kelvin is None else round(light.kelvin),
+            "light_energy": intensity,
+            "light_intensity_lux": stated["lux"],
+            "light_temperature": stated["kelvin"],
         },
     }
 

@@ -186,10 +186,7 @@ class Lighting:
         _check_sky_model("sky_model", self.sky_model)
         if self.sky_painted is not None:
             _check_sky_model("sky_painted", self.sky_painted)
-        if (self.sun_irradiance is None) != (self.sky_irradiance is None):
-            missing = "sun_irradiance" if self.sun_irradiance is None else "sky_irradiance"
-            sentence = "sun.irradiance and sky.irradiance go together; the record has only one of them."
-            raise ParameterError(sentence, missing, ErrorCode.MISSING)
+        self._check_both("sun_irradiance", "sky_irradiance")
         if self.sky_cover is not None and self.sky_irradiance is None:
             predicate = "needs sky.irradiance and sun.irradiance too."
             raise ParameterError.about("sky_cover", predicate, ErrorCode.CONTRADICTION)
@@ -221,13 +218,16 @@ class Lighting:
         for number in values:
             check_range(name, number, 0.0, 1.0)
 
+    def _check_both(self, *names: str) -> None:
+        missing = [name for name in names if getattr(self, name) is None]
+        if len(missing) == 1:
+            sentence = f"{' and '.join(map(record_path, names))} go together; the record has only one of them."
+            raise ParameterError(sentence, missing[0], ErrorCode.MISSING)
+
     def _check_spot(self) -> None:
         for name, (count, low, high) in _SPOT.items():
             self._check_numbers(name, f"{count} numbers", count, low, high)
-        if (self.spot_pixel is None) != (self.spot_direction is None):
-            missing = "spot_pixel" if self.spot_pixel is None else "spot_direction"
-            sentence = "ground.spot.pixel and ground.spot.direction go together; the record has only one of them."
-            raise ParameterError(sentence, missing, ErrorCode.MISSING)
+        self._check_both("spot_pixel", "spot_direction")
         if self.spot_direction is not None and abs(math.hypot(*self.spot_direction) - 1) > _UNIT_TOLERANCE:
             raise ParameterError.about("spot_direction", "must be a vector of length 1.", ErrorCode.OUT_OF_RANGE)
         if self.spot_direction is not None and self.spot_direction[1] > -MIN_SPOT_DESCENT:
@@ -270,7 +270,8 @@ class Lighting:
 
     def to_dict(self) -> Json:
         """Return the JSON record; it adds `sun.direction` and `trust`, and omits what is unknown."""
-        return nest_fields(vars(self), self.sun_direction, self.trust.value)
+        derived = {"sun_direction": tuple(round(float(v), 6) for v in self.sun_direction), "trust": self.trust.value}
+        return nest_fields(vars(self) | derived)
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":

@@ -137,12 +137,6 @@ def has_lights(lines: Iterable[bytes]) -> bool:
     return any("error" not in record for line in lines if (record := _record(line)))
 
 
-def _read_records(path: Path) -> Iterator[Json]:
-    """The records of a journal, in the order in which the photos were finished."""
-    with path.open("rb") as file:
-        yield from map(json.loads, file)
-
-
 def _record(line: bytes) -> Json | None:
     """The record in a line; None for an incomplete one, and for what no batch writes."""
     try:
@@ -251,8 +245,8 @@ def _misfit_error(journal: Path, rows: Sequence[Json], done: int) -> BatchError:
     return BatchError(f"{journal} holds what is not what a batch writes.")
 
 
-def read_suitable(results: Path) -> Iterator[float | None]:
-    """Return `suitable` of each photo; None where the photo failed or the network does not say it.
+def read_answers(results: Path) -> Iterator[tuple[float | None, str | None]]:
+    """Return `suitable` and `trust` of each photo; None where the photo failed, or the network says no `suitable`.
 
     Args:
         results: a JOURNAL or a TABLE.
@@ -261,32 +255,13 @@ def read_suitable(results: Path) -> Iterator[float | None]:
         BatchError: somebody edited a line of the journal, whose number the error has.
     """
     if results.name == JOURNAL:
-        for number, record in enumerate(_read_records(results), start=1):
-            share = record.get("lighting", {}).get("suitable")
-            if share is not None and not (isinstance(share, int | float) and 0 <= share <= 1):
-                raise BatchError(f"{results}, line {number}: suitable is not what a batch writes.")
-            yield share
+        for _, light in _read_lights(results):
+            yield (None, None) if isinstance(light, str) else (light.suitable, light.trust.value)
         return
     from pyarrow.parquet import read_table
 
-    yield from read_table(results, columns=["suitable"]).column(0).to_pylist()
-
-
-def read_trust(results: Path) -> Iterator[str | None]:
-    """Return `trust` of each photo; None where the photo failed.
-
-    Args:
-        results: a JOURNAL or a TABLE.
-
-    Raises:
-        BatchError: somebody edited a line of the journal, whose number the error has.
-    """
-    if results.name == JOURNAL:
-        yield from (row["trust"] for row in _rows(results))
-        return
-    from pyarrow.parquet import read_table
-
-    yield from read_table(results, columns=["trust"]).column(0).to_pylist()
+    table = read_table(results, columns=["suitable", "trust"])
+    yield from zip(table["suitable"].to_pylist(), table["trust"].to_pylist(), strict=True)
 
 
 def table_schema() -> Any:
@@ -316,11 +291,16 @@ def _kind(pyarrow: Any, hint: Any) -> Any:
     return pyarrow.string() if hint is str else pyarrow.float64()
 
 
+def _read_lights(journal: Path) -> Iterator[tuple[Json, Lighting | str]]:
+    """The records of a journal, in the order in which the photos were finished, each with its light or its error."""
+    with journal.open("rb") as lines:
+        for number, record in enumerate(map(json.loads, lines), start=1):
+            try:
+                yield record, record["error"] if "error" in record else Lighting.from_dict(record.get("lighting", {}))
+            except ParameterError as error:
+                raise BatchError(f"{journal}, line {number}: {error}") from error
+
+
 def _rows(journal: Path) -> Iterator[Json]:
-    for number, record in enumerate(_read_records(journal), start=1):
-        stored = record.get("lighting", {})
-        try:
-            light = record["error"] if "error" in record else Lighting.from_dict(stored)
-        except ParameterError as error:
-            raise BatchError(f"{journal}, line {number}: {error}") from error
-        yield table_row(record["file"], light, record.get("crop"), stored.get("light_probe"))
+    for record, light in _read_lights(journal):
+        yield table_row(record["file"], light, record.get("crop"), record.get("lighting", {}).get("light_probe"))

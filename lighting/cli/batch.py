@@ -4,8 +4,8 @@ import json
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -17,49 +17,13 @@ import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.photos import DOUBTED_STATUS, DRAWN, UNSUITABLE_STATUS, input_options_but
+from lighting.cli.photos import DRAWN, exit_status, input_options_but
 from lighting.files import FileOptions, escape_undecodable, join_words
 from lighting.map_options import MapOptions
 
 if TYPE_CHECKING:
     from lighting.batch.job import BatchJob, Summary
     from lighting.fusion.user_input import UserInput
-
-
-@dataclass(frozen=True)
-class _Options:
-    """The command's options."""
-
-    input: str
-    out: str
-    envmap: bool
-    view: MapOptions
-    file: FileOptions
-    parquet: bool
-    workers: int | None
-    overwrite: bool
-    engine: str
-    address: str | None
-    user_input: "UserInput"
-    table: str | None
-    model: str | None
-    strict: bool
-    require: str | None
-    as_json: bool
-    quiet: bool
-
-    @property
-    def job(self) -> "BatchJob":
-        from lighting.batch.job import BatchJob, MapOutput
-        from lighting.batch.photo_search import read_photo_table
-
-        table = None if self.table is None else read_photo_table(self.table)
-        maps = MapOutput(self.view, self.file) if self.envmap else None
-        return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input, table)
-
-    @property
-    def progress(self) -> bool:
-        return not self.quiet and sys.stderr.isatty()
 
 
 @cli.command(
@@ -96,7 +60,18 @@ class _Options:
 @common.json_option
 @common.quiet_option
 @click.pass_context
-def _batch(ctx: click.Context, /, **options: Any) -> None:
+def _batch(
+    ctx: click.Context,
+    /,
+    input: str,
+    out: str | None,
+    output: str | None,
+    as_json: bool,
+    quiet: bool,
+    strict: bool,
+    require: str | None,
+    **options: Any,
+) -> None:
     """Estimate the light of many photos.
 
     INPUT is a folder or a quoted glob such as "photos/**/*.jpg". The folder OUT receives lighting.jsonl, with the lines
@@ -105,21 +80,20 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
     retry failed photos (with --engine ray, failed photos are retried only with --overwrite). Time, place and lens are
     taken from each photo's metadata. --sun, --exposure, --haze and --overcast change maps, not the lines.
     """
-    out = _choose_out(options["input"], options.pop("out"), options.pop("output"))
-    chosen = _Options(**options, out=out)
-    _refuse_idle_options(ctx)
-    summary = _run_ray(chosen) if chosen.engine == "ray" else _run_pool(chosen)
-    if summary.failed:
-        click.echo(f"Photos that failed: {summary.failed}; the reasons are in {escape_path(chosen.out)}.", err=True)
-    if chosen.as_json:
-        click.echo(json.dumps({"output": escape_undecodable(chosen.out), **summary.to_dict()}))
-    if not chosen.quiet:
-        click.echo(str(summary), err=True)
-    from lighting.batch.results import JOURNAL, TABLE
+    from lighting.batch.results import JOURNAL, TABLE, read_answers
 
-    results = Path(chosen.out, TABLE if chosen.engine == "ray" else JOURNAL)
-    outputs.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json, err=True)
-    ctx.exit(1 if summary.failed else _status(chosen, results))
+    folder = _choose_out(input, out, output)
+    _refuse_idle_options(ctx)
+    summary = _run(input, folder, progress=not quiet and sys.stderr.isatty(), **options)
+    if summary.failed:
+        click.echo(f"Photos that failed: {summary.failed}; the reasons are in {escape_path(folder)}.", err=True)
+    if as_json:
+        click.echo(json.dumps({"output": escape_undecodable(folder), **summary.to_dict()}))
+    if not quiet:
+        click.echo(str(summary), err=True)
+    results = Path(folder, TABLE if options["engine"] == "ray" else JOURNAL)
+    outputs.report_written([str(results)], _describe_results, quiet=quiet or as_json, err=True)
+    ctx.exit(1 if summary.failed else exit_status(read_answers(results), strict, require))
 
 
 def _choose_out(source: str, out: str | None, output: str | None) -> str:
@@ -139,17 +113,6 @@ def _describe_results(name: str) -> str | None:
     return f"jq . {shlex.quote(name)}" if shutil.which("jq") else None
 
 
-def _status(chosen: _Options, results: Path) -> int:
-    """The exit status where all photos have an answer."""
-    from lighting.batch.results import read_suitable, read_trust
-    from lighting.records import MIN_SUITABLE
-
-    if chosen.strict and any(share is not None and share < MIN_SUITABLE for share in read_suitable(results)):
-        return UNSUITABLE_STATUS
-    doubted = chosen.require is not None and any(trust != chosen.require for trust in read_trust(results))
-    return DOUBTED_STATUS if doubted else 0
-
-
 def _refuse_idle_options(ctx: click.Context) -> None:
     """Raise UsageError for an option that would do nothing."""
     explicit = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
@@ -164,61 +127,57 @@ def _refuse_idle_options(ctx: click.Context) -> None:
         raise click.UsageError("--engine ray writes Parquet by itself, and nothing else.")
 
 
-def _run_pool(options: _Options) -> "Summary":
-    """What became of the photos."""
+def _run(
+    pattern: str,
+    folder: str,
+    *,
+    engine: str,
+    envmap: bool,
+    view: MapOptions,
+    file: FileOptions,
+    user_input: "UserInput",
+    table: str | None,
+    model: str | None,
+    parquet: bool,
+    address: str | None,
+    **running: Any,
+) -> "Summary":
+    """What became of the photos, in this run and in the earlier ones whose results are kept."""
+    from lighting.batch.job import BatchJob, MapOutput
+    from lighting.batch.photo_search import check_photo_names, count_skipped, find_photos, read_photo_table
+    from lighting.batch.ray import find_photos_at, run_ray
+
+    source, names = (find_photos_at if engine == "ray" else find_photos)(pattern)
+    known = None if table is None else read_photo_table(table)
+    if known is not None:
+        check_photo_names(known, names)
+    job = BatchJob(source, folder, model, MapOutput(view, file) if envmap else None, engine, user_input, known)
+    if engine == "ray":
+        summary = run_ray(job, names, address=address, **running)
+    else:
+        summary = _run_pool(job, names, parquet, **running)
+    return replace(summary, skipped=count_skipped(pattern))
+
+
+def _run_pool(
+    job: "BatchJob", names: Sequence[str], parquet: bool, *, workers: int | None, overwrite: bool, progress: bool
+) -> "Summary":
+    from tqdm import tqdm
+
     from lighting.batch.job import Summary
-    from lighting.batch.photo_search import count_skipped, find_photos
     from lighting.batch.pool import open_batch, run_pool
     from lighting.batch.results import TABLE, require_parquet, write_parquet
     from lighting.runtime import available_cpus
 
-    began = monotonic()
-    parquet = options.parquet or (Path(options.out, TABLE).is_file() and not options.overwrite)
+    began, out = monotonic(), Path(job.out)
+    parquet = parquet or ((out / TABLE).is_file() and not overwrite)
     if parquet:
-        require_parquet(Path(options.out))
-    source, names = find_photos(options.input)
-    job = replace(options.job, source=source)
-    _check_table(job, names)
-    with open_batch(job, overwrite=options.overwrite) as journal:
+        require_parquet(out)
+    with open_batch(job, overwrite=overwrite) as journal:
         earlier, initial = len(journal.names), len(journal.names.intersection(names))
-        finished = run_pool(job, names, journal, options.workers or available_cpus())
-        for _name in _progress(finished, initial, len(names), options.progress):
+        finished = run_pool(job, names, journal, workers or available_cpus())
+        for _name in tqdm(finished, initial=initial, total=len(names), unit="photo", disable=not progress):
             pass
         if parquet:
-            write_parquet(Path(job.out))
-    succeeded = len(journal.names) - journal.failed
-    return Summary(succeeded, journal.failed, earlier, monotonic() - began, count_skipped(options.input))
-
-
-def _run_ray(options: _Options) -> "Summary":
-    """What became of the photos, in this run and in the earlier ones whose results are kept."""
-    from lighting.batch.photo_search import count_skipped
-    from lighting.batch.ray import find_photos_at, run_ray
-
-    source, names = find_photos_at(options.input)
-    job = replace(options.job, source=source)
-    _check_table(job, names)
-    summary = run_ray(
-        job,
-        names,
-        address=options.address,
-        workers=options.workers,
-        overwrite=options.overwrite,
-        progress=options.progress,
-    )
-    return replace(summary, skipped=count_skipped(options.input))
-
-
-def _check_table(job: "BatchJob", names: Sequence[str]) -> None:
-    """Raise BatchError for a table about photos that the batch does not have."""
-    from lighting.batch.photo_search import check_photo_names
-
-    if job.table is not None:
-        check_photo_names(job.table, names)
-
-
-def _progress(finished: Iterator[str], initial: int, total: int, visible: bool) -> Any:
-    """The finished photos behind a progress bar with their rate and the time left."""
-    from tqdm import tqdm
-
-    return tqdm(finished, initial=initial, total=total, unit="photo", disable=not visible)
+            write_parquet(out)
+    return Summary(len(journal.names) - journal.failed, journal.failed, earlier, monotonic() - began)

@@ -26,18 +26,15 @@ if TYPE_CHECKING:
 _MINUTES = {"h": 60.0, "min": 1.0}
 
 
-def _read_date(_ctx: click.Context, _param: click.Parameter, text: str) -> date:
-    try:
-        return date.fromisoformat(text)
-    except ValueError as error:
-        raise click.BadParameter(f"{text!r} is not a date such as 2026-12-21.") from error
-
-
-def _read_step(_ctx: click.Context, _param: click.Parameter, text: str) -> float:
+def _minutes(text: str) -> float:
     match = re.fullmatch(r"(\d+(?:\.\d+)?)(h|min)", text.strip())
     if match is None:
-        raise click.BadParameter(f"{text!r} is not a time such as 1h or 30min.")
+        raise ValueError(text)
     return float(match[1]) * _MINUTES[match[2]]
+
+
+_read_date = common.read_by(date.fromisoformat, "{text!r} is not a date such as 2026-12-21.")
+_read_step = common.read_by(_minutes, "{text!r} is not a time such as 1h or 30min.")
 
 
 @cli.command(

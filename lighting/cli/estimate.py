@@ -1,6 +1,7 @@
 """The command that prints the light of photos."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,10 +12,10 @@ from lighting.cli import cli, console
 from lighting.cli import options as common
 from lighting.cli.options import usage_errors
 from lighting.cli.photos import (
-    estimate_alone,
+    exit_status,
     headings_option,
-    lights_status,
     load_estimator,
+    photo_estimator,
     together_option,
     user_input_options,
 )
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
-    from lighting.records import Lighting
 
 Answers = Iterator[tuple[str, "Estimate | Exception"]]
 
@@ -34,19 +34,16 @@ def _answers(
     model: str | None,
     names: Sequence[str],
     user_input: "UserInput",
-    together: bool = False,
-    headings: Sequence[float] | None = None,
+    together: bool,
+    headings: Sequence[float] | None,
 ) -> Callable[[Iterable[str]], Answers]:
     """A function of the names that gives the estimate of each photo, or the error that it raised, in its place.
 
-    The network is loaded now for several photos, and beside the decoding of one alone. Raises ModelError.
+    Raises ModelError.
     """
-    if len(names) == 1:
-        return lambda photos: _estimate_each(photos, lambda name: estimate_alone(name, user_input, model))
-    estimator = load_estimator(model)
     if together:
-        return lambda photos: _estimate_views(estimator, photos, user_input, headings)
-    return lambda photos: _estimate_each(photos, lambda name: estimator(console.read_photo_file(name), user_input))
+        return partial(_estimate_views, load_estimator(model), user_input=user_input, headings=headings)
+    return partial(_estimate_each, estimate=photo_estimator(names, user_input, model))
 
 
 def _estimate_each(names: Iterable[str], estimate: "Callable[[str], Estimate]") -> Answers:
@@ -59,7 +56,7 @@ def _estimate_each(names: Iterable[str], estimate: "Callable[[str], Estimate]") 
 
 def _estimate_views(
     estimator: "Estimator", names: Iterable[str], user_input: "UserInput", headings: Sequence[float] | None
-) -> Iterator[tuple[str, "Estimate | Exception"]]:
+) -> Answers:
     """First the errors, then the estimates of the photos that could be read, taken together.
 
     Without headings they are registered with each other where OpenCV is installed.
@@ -134,7 +131,7 @@ def _estimate(
     if output == "-":
         output, as_json = None, True
     outputs.check_records(photos, output, overwrite=overwrite)
-    lights, lines = list["Lighting"](), list[str]()
+    lights, lines = list[tuple[float | None, str | None]](), list[str]()
     failed, answers_of = 0, _answers(model, photos, user_input, **taken_together)
     with console.photo_progress(photos, quiet) as progress:
         for name, answer in answers_of(progress):
@@ -142,7 +139,7 @@ def _estimate(
                 light, probe = answer.lighting, answer.light_probe() if as_json or output else None
                 crop, warnings = answer.photo.crop, answer.warnings
                 console.print_estimate(name, light, warnings, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
-                lights.append(light)
+                lights.append((light.suitable, light.trust))
                 lines.append(console.format_record(name, light, probe=probe, crop=crop))
                 continue
             if ctx.find_root().params["debug"]:
@@ -156,7 +153,7 @@ def _estimate(
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
     if output is not None and lights:
         outputs.write_records(output, lines, quiet=quiet or as_json)
-    ctx.exit(1 if failed else lights_status(lights, strict, require))
+    ctx.exit(1 if failed else exit_status(lights, strict, require))
 
 
 def _warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | None) -> None:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+_Value = TypeVar("_Value")
 
 
 class Number(click.types.FloatParamType):
@@ -140,6 +141,25 @@ def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str | 
     if name and (path := Path(name)).suffix.lower() in _FILE_SUFFIXES and not path.exists():
         raise click.BadParameter(f"the results are a folder, and {name} is a file's name; try {path.with_suffix('')}.")
     return name
+
+
+def read_by(
+    read: Callable[[str], _Value], sentence: str = "{error}"
+) -> Callable[[click.Context, click.Parameter, str | None], _Value | None]:
+    """Return a callback of an option that reads its text; BadParameter for what it is none of.
+
+    Args:
+        read: raises ValueError, such as ParameterError, for a text that it does not take.
+        sentence: of the error, about its {text!r} or {error}.
+    """
+
+    def callback(_ctx: click.Context, _param: click.Parameter, text: str | None) -> _Value | None:
+        try:
+            return None if text is None else read(text)
+        except ValueError as error:
+            raise click.BadParameter(sentence.format(text=text, error=error)) from error
+
+    return callback
 
 
 def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
@@ -259,26 +279,6 @@ height_option = click.option(
 )
 
 
-def _sun(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    try:
-        return parse_sun(text)
-    except ParameterError as error:
-        sentence = (
-            "it moves the sun, and needs AZIMUTH,ELEVATION in degrees: --sun 40,25. "
-            "The sun is painted where it shines; --no-sun leaves it out."
-        )
-        raise click.BadParameter(sentence) from error
-
-
-def _exposure(_ctx: click.Context, _param: click.Parameter, text: str) -> float:
-    try:
-        return parse_exposure(text)
-    except ParameterError as error:
-        raise click.BadParameter(f"{text!r} is not a number of EV such as +0.5.") from error
-
-
 _SUN = click.option(
     "--no-sun",
     "sun",
@@ -291,14 +291,18 @@ _ADJUSTMENTS: dict[str, Decorator] = {  # by the parameters of a command
         "--sun",
         "sun_direction",
         metavar="AZ,EL",
-        callback=_sun,
+        callback=read_by(
+            parse_sun,
+            "it moves the sun, and needs AZIMUTH,ELEVATION in degrees: --sun 40,25. "
+            "The sun is painted where it shines; --no-sun leaves it out.",
+        ),
         help="Move the sun: degrees from where the camera points, positive right, and above the horizon.",
     ),
     "exposure": click.option(
         "--exposure",
         metavar="EV",
         default="0",
-        callback=_exposure,
+        callback=read_by(parse_exposure, "{text!r} is not a number of EV such as +0.5."),
         help="Brighten by so many EV: +1 is twice as bright.",
     ),
     **{

@@ -1,10 +1,10 @@
 """Commands about photos: what a user states of one, an estimate of one after the other, and the exit status."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +18,7 @@ from lighting.cli.options import (
     json_option,
     map_options,
     model_option,
+    read_by,
     record_options,
     require_option,
     silent_option,
@@ -36,21 +37,6 @@ if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
     from lighting.model import Model
     from lighting.photo_estimate import Estimate
-    from lighting.records import Lighting
-
-_Value = TypeVar("_Value")
-
-
-def _read_by(read: Callable[[str], _Value]) -> Callable[[click.Context, click.Parameter, str | None], _Value | None]:
-    """A callback of an option that reads its text; BadParameter for what it is none of."""
-
-    def callback(_ctx: click.Context, _param: click.Parameter, text: str | None) -> _Value | None:
-        try:
-            return None if text is None else read(text)
-        except ParameterError as error:
-            raise click.BadParameter(str(error)) from error
-
-    return callback
 
 
 def _read_headings(text: str) -> list[float]:
@@ -59,7 +45,7 @@ def _read_headings(text: str) -> list[float]:
     return read_headings(text)
 
 
-parse_time_option, parse_utc_offset_option = _read_by(parse_time), _read_by(parse_utc_offset)
+parse_time_option, parse_utc_offset_option = read_by(parse_time), read_by(parse_utc_offset)
 
 
 def _fspy_camera(_ctx: click.Context, _param: click.Parameter, name: str | None) -> "KnownCamera | None":
@@ -153,7 +139,7 @@ together_option = click.option("--together", is_flag=True, help="Combine photos 
 headings_option = click.option(
     "--headings",
     metavar="DEG,DEG,...",
-    callback=_read_by(_read_headings),
+    callback=read_by(_read_headings),
     help="Where each camera points, clockwise from any common direction.",
 )
 
@@ -283,12 +269,13 @@ def process_photos(
         how_to_open: of the first file.
         meanwhile: what to do while the network runs on the only photo.
     """
-    failed, lights, written = 0, list["Lighting"](), list[str]()
-    estimate = _photo_estimator(chosen, meanwhile)
+    failed, answers, written = 0, list[tuple[float | None, str | None]](), list[str]()
+    estimate = photo_estimator(chosen.photos, chosen.user_input, chosen.model, meanwhile)
     with console.photo_progress(chosen.photos, chosen.quiet) as progress:
         for number, name in enumerate(progress):
             try:
-                answer = estimate(name)
+                with console.prefix_errors(name):
+                    answer = estimate(name)
                 written += work(number, name, answer)
             except (LightingError, OSError) as error:
                 if console.is_broken_pipe(error):
@@ -300,27 +287,30 @@ def process_photos(
                 failed += 1
                 console.report_failure(name, with_option_name(ctx, error), progress)
                 continue
-            lights.append(answer.lighting)
+            answers.append((answer.lighting.suitable, answer.lighting.trust))
     if failed:
         click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
     outputs.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
-    ctx.exit(1 if failed else lights_status(lights, chosen.strict, chosen.require))
+    ctx.exit(1 if failed else exit_status(answers, chosen.strict, chosen.require))
 
 
-def _photo_estimator(chosen: PhotoOptions, meanwhile: Callable[[], object]) -> "Callable[[str], Estimate]":
-    """A function that reads a photo and estimates its light; raises ModelError.
+def photo_estimator(
+    photos: Sequence[str], user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
+) -> "Callable[[str], Estimate]":
+    """Return a function that reads one of the photos and estimates its light; raises ModelError.
 
     The network is loaded now for several photos, and beside the decoding of one alone.
+
+    Args:
+        photos: names of files.
+        user_input: what the user states of them.
+        model: a network's file; None is the one in this package.
+        meanwhile: what to do while the network runs on the only photo.
     """
-    if len(chosen.photos) == 1:
-        return lambda name: estimate_file(name, chosen.user_input, chosen.model, meanwhile)
-    estimator = load_estimator(chosen.model)
-
-    def estimate(name: str) -> "Estimate":
-        with console.prefix_errors(name):
-            return estimator(console.read_photo_file(name), chosen.user_input)
-
-    return estimate
+    if len(photos) == 1:
+        return lambda name: estimate_alone(name, user_input, model, meanwhile)
+    estimator = load_estimator(model)
+    return lambda name: estimator(console.read_photo_file(name), user_input)
 
 
 def estimate_file(
@@ -368,20 +358,23 @@ def estimate_alone(
         return estimate_once(read, load, user_input, thread=thread, meanwhile=meanwhile)
 
 
-def lights_status(lights: Sequence["Lighting"], strict: bool, require: str | None) -> int:
-    """Return the exit status for lights that could be estimated.
+def exit_status(answers: "Iterable[tuple[float | None, str | None]]", strict: bool, require: str | None) -> int:
+    """Return the exit status for photos that all have an answer.
 
     Args:
-        lights: of photos.
-        strict: whether one of a photo that is probably not of outdoors by daylight counts.
+        answers: `suitable` and `trust` of each.
+        strict: whether one that is probably not of outdoors by daylight counts.
         require: the trust that each must have; None: any.
     """
     from lighting.records import MIN_SUITABLE
 
-    unfit = strict and any(light.suitable is not None and light.suitable < MIN_SUITABLE for light in lights)
-    if unfit:
-        return UNSUITABLE_STATUS
-    return DOUBTED_STATUS if require is not None and any(light.trust != require for light in lights) else 0
+    status = 0
+    for suitable, trust in answers if strict or require else ():
+        if strict and suitable is not None and suitable < MIN_SUITABLE:
+            return UNSUITABLE_STATUS
+        if require is not None and trust != require:
+            status = DOUBTED_STATUS
+    return status
 
 
 def load_estimator(model: str | None) -> "Estimator":

@@ -46,17 +46,13 @@ def _probe() -> None:
     """Measure skies: merge bracketed exposures, fit the sky model."""
 
 
-def _point(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    return None if text is None else _pair(text, "two numbers such as 1500,1000")
-
-
-def _pair(text: str, what: str) -> tuple[float, float]:
-    """Two numbers with a comma between them, which are `what`; BadParameter otherwise."""
-    try:
-        x, y = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise click.BadParameter(f"{text!r} is not {what}.") from error
+def _pair(text: str) -> tuple[float, float]:
+    """Two numbers with a comma between them; ValueError otherwise."""
+    x, y = map(float, text.split(","))
     return x, y
+
+
+_read_point = common.read_by(_pair, "{text!r} is not two numbers such as 1500,1000.")
 
 
 @_probe.command(
@@ -71,7 +67,7 @@ def _pair(text: str, what: str) -> tuple[float, float]:
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lens", "kind", type=click.Choice(PROBE_KINDS), required=True, help="What took the pictures.")
 @click.option("--lens-fov", "fov", type=Number("180"), metavar="DEG", help="Across the lens's circle. [180]")
-@click.option("--centre", metavar="X,Y", callback=_point, help="Of the circle or ball, pixels. [the middle]")
+@click.option("--centre", metavar="X,Y", callback=_read_point, help="Of the circle or ball, pixels. [the middle]")
 @click.option("--radius", type=Number("1400"), metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")
 @click.option(
     "--pitch", type=Number("90"), metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others)."
@@ -260,13 +256,11 @@ def _format_alignment(probe: "Probe") -> str:
     return text
 
 
-def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    azimuth, elevation = _pair(text, "azimuth and elevation such as 120,35")
-    if not (abs(azimuth) <= 360.0 and 0.0 <= elevation <= 90.0):
+def _direction(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    pair = common.read_by(_pair, "{text!r} is not azimuth and elevation such as 120,35.")(ctx, param, text)
+    if pair and not (abs(pair[0]) <= 360.0 and 0.0 <= pair[1] <= 90.0):
         raise click.BadParameter(f"{text!r} is no direction: azimuth -360 to 360, elevation 0 to 90.")
-    return azimuth, elevation
+    return pair
 
 
 @_probe.command(

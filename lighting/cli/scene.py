@@ -1,6 +1,6 @@
 """The command that writes scenes."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,28 +20,15 @@ if TYPE_CHECKING:
     from lighting.scene import ExporterOption
 
 
-@dataclass(frozen=True)
-class _SceneOptions:
-    """What the command takes beside the options of photos."""
-
-    tool: str
-    record: str | None  # the name of a file, or "-"
-    of_tool: dict[str, Any]  # options of the tools that the user stated
-
-
 class _SceneCommand(Command):
     """A command whose own options are followed by those of the tools in EXPORTERS."""
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         params = super().get_params(ctx)
         after = 1 + [param.name for param in params].index("record")
-        return [*params[:after], *_tool_options(), *params[after:]]
-
-
-def _tool_options() -> list[click.Option]:
-    return [
-        _tool_option(tool, name, option) for tool, entry in EXPORTERS.items() for name, option in entry.options.items()
-    ]
+        exporters = EXPORTERS.items()
+        of_tools = [_tool_option(tool, *option) for tool, entry in exporters for option in entry.options.items()]
+        return [*params[:after], *of_tools, *params[after:]]
 
 
 def _tool_option(tool: str, name: str, option: "ExporterOption") -> click.Option:
@@ -85,10 +72,10 @@ def _scene(ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str |
     shadows, and a placeholder stands where your own object goes.
     """
     stated = {name: value for name, value in of_tool.items() if value is not None}
-    options = _SceneOptions(tool, record, stated)
-    _check(chosen, options)
+    _check(chosen, tool, record, stated)
+    inputs = [name for name in (*chosen.photos, record, chosen.model) if name]
     is_file = _is_file(chosen, tool)
-    folders = _choose_file(chosen, options) if is_file else _choose_folders(chosen, options)
+    folders = (_choose_file if is_file else _choose_folders)(chosen, tool, inputs)
     stored = console.read_lighting(record) if record else None
 
     def work(number: int, name: str, estimate: "Estimate") -> list[str]:
@@ -118,19 +105,19 @@ def _is_file(chosen: PhotoOptions, tool: str) -> bool:
     return not others and output.lower().endswith(Path(first).suffix) and not Path(output).is_dir()
 
 
-def _choose_file(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
+def _choose_file(chosen: PhotoOptions, tool: str, inputs: Sequence[str]) -> list[str]:
     """The file of the only photo's scene, before any work."""
     output = chosen.output
     assert output is not None
     if len(chosen.photos) > 1:
         raise click.UsageError("Several photos need a folder: -o FOLDER/.")
-    outputs.check_file(output, (Path(EXPORTERS[options.tool].files[0]).suffix,))
-    outputs.check_apart([name for name in (*chosen.photos, options.record, chosen.model) if name], [output])
+    outputs.check_file(output, (Path(EXPORTERS[tool].files[0]).suffix,))
+    outputs.check_apart(inputs, [output])
     outputs.check_absent([output], overwrite=chosen.overwrite)
     return [output]
 
 
-def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
+def _choose_folders(chosen: PhotoOptions, tool: str, inputs: Sequence[str]) -> list[str]:
     """The folder of each photo's scene, before any work: where it could not be written later, an error says so."""
     from lighting.scene.writer import check_scene_folder
 
@@ -139,28 +126,27 @@ def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
         folders = [str(Path(chosen.output, "stdin" if name == "-" else Path(name).stem)) for name in chosen.photos]
         Path(chosen.output).mkdir(exist_ok=True)
     else:
-        folders = [outputs.choose_folder(name, chosen.output, f"-{options.tool}") for name in chosen.photos]
+        folders = [outputs.choose_folder(name, chosen.output, f"-{tool}") for name in chosen.photos]
     outputs.check_apart((), folders)
     for folder, photo in zip(folders, chosen.photos, strict=True):
         if chosen.output is not None or Path(photo).exists():  # else the photo's error says more
             check_scene_folder(Path(folder), overwrite=chosen.overwrite)
         if chosen.overwrite:
-            _check_inputs(folder, chosen, options)
+            _check_inputs(folder, tool, inputs)
     return folders
 
 
-def _check(chosen: PhotoOptions, options: _SceneOptions) -> None:
+def _check(chosen: PhotoOptions, tool: str, record: str | None, stated: dict[str, Any]) -> None:
     """Raise UsageError for an option that would do nothing, or stdin read twice."""
-    outputs.check_stdin([*chosen.photos, *([options.record] if options.record else [])])
-    for name, tool in unsupported_options(options.of_tool, options.tool).items():
-        raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
-    if options.record and len(chosen.photos) > 1:
+    outputs.check_stdin([*chosen.photos, *([record] if record else [])])
+    for name, other in unsupported_options(stated, tool).items():
+        raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {other}.")
+    if record and len(chosen.photos) > 1:
         raise click.UsageError("--lighting holds the light of one photo; give one photo.")
 
 
-def _check_inputs(folder: str, chosen: PhotoOptions, options: _SceneOptions) -> None:
+def _check_inputs(folder: str, tool: str, inputs: Sequence[str]) -> None:
     """Raise UsageError where a file of the scene would replace one that is read."""
-    sources = filter(None, (*chosen.photos, options.record, chosen.model))
-    for source, name in product(sources, EXPORTERS[options.tool].files):
+    for source, name in product(inputs, EXPORTERS[tool].files):
         if outputs.is_same_file(str(Path(folder, name)), source):
             raise click.UsageError(f"The scene would replace {console.escape_path(source)}; choose another folder.")

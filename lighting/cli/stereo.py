@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
-from datetime import datetime
+from datetime import date, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -41,11 +41,9 @@ def _stereo() -> None:
     """
 
 
-def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
-    try:
-        return None if text is None else datetime.strptime(text, "%Y-%m-%d")
-    except ValueError as error:
-        raise click.BadParameter(f"{text!r} is not a day such as 2026-06-21.") from error
+_day = common.read_by(
+    lambda text: datetime.strptime(text, "%Y-%m-%d").date(), "{text!r} is not a day such as 2026-06-21."
+)
 
 
 @_stereo.command(
@@ -121,13 +119,10 @@ def _plan(
     outputs.report_written([output] if output else [], quiet=quiet or as_json)
 
 
-def _skies(
-    first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **location: Any
-) -> "PlanSkies":
+def _skies(first: date | None, last: date | None, probes: Path | None, sky: Any, **location: Any) -> "PlanSkies":
     """The skies to plan for; wrong usage where what they need is missing or would do nothing."""
     from lighting.stereo.planner import MeasuredSkies, ModelledSkies
 
-    days = first.date() if first else None, last.date() if last else None
     if last and not first:
         raise click.UsageError("--until needs --date.")
     if probes:
@@ -135,10 +130,10 @@ def _skies(
             raise click.UsageError("--sky is a modelled one; --probes takes measured ones.")
         if location["latitude"] is not None or location["longitude"] is not None:
             raise click.UsageError("--lat and --lon are of modelled skies; --probes takes measured ones.")
-        return MeasuredSkies(probes, *days, utc_offset=location["utc_offset"] or 0.0)
-    if days[0] is None or location["latitude"] is None or location["longitude"] is None:
+        return MeasuredSkies(probes, first, last, utc_offset=location["utc_offset"] or 0.0)
+    if first is None or location["latitude"] is None or location["longitude"] is None:
         raise click.UsageError("A plan needs --lat, --lon and --date, or --probes.")
-    return ModelledSkies(first=days[0], last=days[1] or days[0], sky=sky or "clear", **location)
+    return ModelledSkies(first=first, last=last or first, sky=sky or "clear", **location)
 
 
 def _progress(quiet: bool, stderr: TextIO) -> "DayProgress":

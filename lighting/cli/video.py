@@ -15,7 +15,7 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
-from lighting.cli.photos import DRAWN, input_options_but, lights_status
+from lighting.cli.photos import DRAWN, exit_status, input_options_but
 from lighting.files import escape_undecodable, join_words, output_folder_error
 from lighting.map_options import MAX_WHOLE_HEIGHT, Around
 from lighting.scene import EXPORTERS, animated_tools
@@ -122,7 +122,8 @@ def _video(
     _report(clip, result, quiet=quiet or as_json)
     if result.lights:
         outputs.report_written([str(folder)], lambda name: _how_to_open(name, options), quiet=quiet or as_json)
-    ctx.exit(1 if result.failed else lights_status(result.lights, strict, None))
+    answers = [(light.suitable, light.trust) for light in result.lights]
+    ctx.exit(1 if result.failed else exit_status(answers, strict, None))
 
 
 def _how_to_open(folder: str, options: "Json") -> str | None:

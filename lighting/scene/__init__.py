@@ -1,6 +1,6 @@
 """A photo's light as a scene for other tools: an entry of EXPORTERS and a module each.
 
-`make_scene` computes a Scene once; `write_scene` and `zip_scene` have a tool's entry write it. The command line, the
+`make_scene` computes a Scene once; `write_scene` and `zip_scene` have a tool's entry encode it. The command line, the
 service and the checks that no file of the user is replaced read the entries. Nothing here needs numpy: the command
 line's help reads it, too.
 """
@@ -34,14 +34,14 @@ class ExporterOption:
 class Exporter:
     """How scenes are written for one tool."""
 
-    write: Callable[..., None]
-    """(scene, folder, **options)."""
+    encode: Callable[..., dict[str, bytes]]
+    """(scene, **options) to what its files hold, by name."""
     label: str
     """The tool's name, as people write it."""
     files: tuple[str, ...]
-    """All that `write` may make; the tool opens the first."""
+    """All that `encode` may make; the tool opens the first."""
     options: dict[str, ExporterOption] = field(default_factory=dict)
-    """That `write` takes, by name."""
+    """That `encode` takes, by name."""
     animate: Callable[..., dict[str, str]] | None = None
     """(CameraMotion) to the texts of files beside the scene's."""
     opened_by: str = "open {file}"
@@ -73,7 +73,7 @@ def _import_function(module: str, name: str) -> Callable[..., Any]:
 
 EXPORTERS: dict[str, Exporter] = {
     "blender": Exporter(
-        _import_function("lighting.scene.blender", "write_blender"),
+        _import_function("lighting.scene.blender", "encode_blender"),
         label="Blender",
         files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
         options={"blend": ExporterOption(help="have Blender write scene.blend, which a double click opens")},
@@ -81,7 +81,7 @@ EXPORTERS: dict[str, Exporter] = {
         opened_by="blender --python {file}",
     ),
     "usd": Exporter(
-        _import_function("lighting.scene.usd", "write_usd"),
+        _import_function("lighting.scene.usd", "encode_usd"),
         label="USD",
         files=("scene.usda", "scene.usdz", *SHARED_FILES),
         options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
@@ -89,37 +89,37 @@ EXPORTERS: dict[str, Exporter] = {
         opened_by="usdview {file}, or import it into any program that reads USD; scene.usdz is for AR, without lights",
     ),
     "gltf": Exporter(
-        _import_function("lighting.scene.gltf", "write_gltf"),
+        _import_function("lighting.scene.gltf", "encode_gltf"),
         label="glTF",
         files=("scene.glb",),
         opened_by="drop {file} into any viewer of glTF, or import it",
     ),
     "filament": Exporter(
-        _import_function("lighting.scene.cubemap", "write_filament"),
+        _import_function("lighting.scene.cubemap", "encode_filament"),
         label="Filament",
         files=("scene.glb", "environment_ibl.ktx", "environment_skybox.ktx", "sh.txt", "light.json", RECORD),
         opened_by="open {file} at exposure 1, with environment_ibl.ktx beside it as an indirect light of intensity 1",
     ),
     "cubemap": Exporter(
-        _import_function("lighting.scene.cubemap", "write_cubemap"),
+        _import_function("lighting.scene.cubemap", "encode_cubemap"),
         label="Cubemap",
         files=("scene.glb", "environment.ktx2", *(f"{face}.hdr" for face in CUBE_FACES), RECORD),
         opened_by="open {file}, with environment.ktx2 or the six .hdr beside it as its cubemap",
     ),
     "threejs": Exporter(
-        _import_function("lighting.scene.threejs", "write_threejs"),
+        _import_function("lighting.scene.threejs", "encode_threejs"),
         label="three.js",
         files=("scene.html",),
         opened_by="open {file} in a browser",
     ),
     "page": Exporter(
-        _import_function("lighting.scene.threejs", "write_page"),
+        _import_function("lighting.scene.threejs", "encode_page"),
         label="Web page",
         files=("page.html",),
         opened_by="open {file} in any browser, or send it",
     ),
     "godot": Exporter(
-        _import_function("lighting.scene.godot", "write_godot"),
+        _import_function("lighting.scene.godot", "encode_godot"),
         label="Godot",
         files=(
             *("project.godot", "scene.tscn", "ground.gdshader", "backdrop.gdshader", *SHARED_FILES),
@@ -128,7 +128,7 @@ EXPORTERS: dict[str, Exporter] = {
         opened_by="godot --editor {file}",
     ),
     "unreal": Exporter(
-        _import_function("lighting.scene.unreal", "write_unreal"),
+        _import_function("lighting.scene.unreal", "encode_unreal"),
         label="Unreal",
         files=(
             *("unreal_scene.py", "unreal_scene.json", "environment.hdr", "ground_albedo.png", "ground_emission.png"),
@@ -138,20 +138,20 @@ EXPORTERS: dict[str, Exporter] = {
         "(not run in the engine yet)",
     ),
     "unity": Exporter(
-        _import_function("lighting.scene.unity", "write_unity"),
+        _import_function("lighting.scene.unity", "encode_unity"),
         label="Unity",
         files=("scene.unitypackage",),
         opened_by="in Unity, Assets > Import Package > Custom Package: {file}, then Tools > Light from a Photo "
         "(not run in the engine yet)",
     ),
     "fspy": Exporter(
-        _import_function("lighting.scene.fspy", "write_fspy"),
+        _import_function("lighting.scene.fspy", "encode_fspy"),
         label="fSpy",
         files=("scene.fspy", "camera.json", *SHARED_FILES),
         opened_by="import {file} with fSpy's add-on for Blender, or camera.json beside it with fSpy's other importers",
     ),
     "mitsuba": Exporter(
-        _import_function("lighting.scene.mitsuba", "write_mitsuba"),
+        _import_function("lighting.scene.mitsuba", "encode_mitsuba"),
         label="Mitsuba",
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),
         opened_by="mitsuba -m scalar_rgb {file}",

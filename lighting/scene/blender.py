@@ -9,9 +9,9 @@ import json
 import shutil
 import subprocess
 import sys
-from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from lighting.errors import ErrorCode, SceneError
 from lighting.fields import Json
 from lighting.geometry import to_z_up
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
-from lighting.scene.writer import Folder, encode_json, read_data_text, write_shared_files
+from lighting.scene.writer import Files, encode_json, encode_shared_files, read_data
 
 _SCRIPT, _NUMBERS, BLEND_FILE = "scene.py", "scene.json", "scene.blend"
 SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
@@ -38,25 +38,19 @@ _SAMPLES = 128  # of Cycles, per pixel
 _YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
-def write_blender(scene: records.Scene, folder: Folder, *, blend: bool = False) -> None:
-    """Write _SCRIPT, the _NUMBERS that it reads and the shared files.
+def encode_blender(scene: records.Scene, *, blend: bool = False) -> Files:
+    """Return _SCRIPT, the _NUMBERS that it reads and the shared files.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
-        blend: have Blender write BLEND_FILE, too, into a folder on a disk.
+        blend: have Blender write BLEND_FILE, too.
 
     Raises:
         SceneError: there is no Blender, or it fails.
     """
-    write_shared_files(scene, folder)
-    (folder / _NUMBERS).write_bytes(encode_json(_description(scene)))
-    (folder / _SCRIPT).write_text(read_data_text("blender_scene.py"), encoding="utf-8")
-    if not blend:
-        return
-    if not isinstance(folder, Path):
-        raise SceneError(f"{BLEND_FILE} needs a folder on a disk.", "blend", ErrorCode.CONTRADICTION)
-    _save(folder)
+    numbers = {_NUMBERS: encode_json(_description(scene))}
+    files = {**encode_shared_files(scene), **numbers, _SCRIPT: read_data("blender_scene.py")}
+    return {**files, BLEND_FILE: _build(files)} if blend else files
 
 
 def find_blender() -> list[str] | None:
@@ -88,22 +82,25 @@ def animate_blender(motion: records.CameraMotion) -> dict[str, str]:
         "matrices": np.round(matrices, 7).tolist(),
         "focal_lengths": np.round(motion.focal_lengths, 4).tolist(),
     }
-    script = files("lighting") / "data" / "blender_shot.py"
-    return {SHOT_NUMBERS: json.dumps(numbers) + "\n", SHOT_SCRIPT: script.read_text(encoding="utf-8")}
+    return {SHOT_NUMBERS: json.dumps(numbers) + "\n", SHOT_SCRIPT: read_data("blender_shot.py").decode()}
 
 
-def _save(folder: Path) -> None:
-    """Run the script in a process of its own, since bpy has one open file per process."""
+def _build(files: Files) -> bytes:
+    """What BLEND_FILE holds: the script runs in a process of its own, since bpy has one open file per process."""
     blender = find_blender()
     if blender is None:
         sentence = f"{BLEND_FILE} needs Blender, from blender.org, or its module: pip install bpy."
         raise SceneError(sentence, "blend", ErrorCode.MISSING)
-    result = subprocess.run(
-        [*blender, _SCRIPT, "--", "--save"], cwd=folder, capture_output=True, text=True, check=False
-    )
-    if result.returncode or not (folder / BLEND_FILE).is_file():
-        lines = result.stderr.strip().splitlines() or ["no reason given"]
-        raise SceneError(f"Blender could not build {BLEND_FILE}: {lines[-1]}", code=ErrorCode.FAILED)
+    command = [*blender, _SCRIPT, "--", "--save"]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, data in files.items():
+            (folder / file).write_bytes(data)
+        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if result.returncode == 0 and (folder / BLEND_FILE).is_file():
+            return (folder / BLEND_FILE).read_bytes()
+    lines = result.stderr.strip().splitlines() or ["no reason given"]
+    raise SceneError(f"Blender could not build {BLEND_FILE}: {lines[-1]}", code=ErrorCode.FAILED)
 
 
 def _description(scene: records.Scene) -> Json:

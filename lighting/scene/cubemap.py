@@ -20,9 +20,9 @@ from lighting.files.exr import SOFTWARE
 from lighting.files.radiance_hdr import encode_hdr_face
 from lighting.light_probe import encode_light_probe, shader_harmonics
 from lighting.scene import RECORD
-from lighting.scene.gltf import write_gltf
+from lighting.scene.gltf import encode_gltf
 from lighting.scene.records import Scene
-from lighting.scene.writer import Folder, encode_record
+from lighting.scene.writer import Files, encode_record
 
 Levels = Sequence[NDArray[np.float32]]  # each (6, size, size, 3) of half the size of the one before
 
@@ -98,41 +98,38 @@ def _half_descriptor() -> bytes:
     return struct.pack("<I", 4 + len(block) + len(samples)) + block + samples
 
 
-def write_cubemap(scene: Scene, folder: Folder) -> None:
-    """Write the scene as glTF, its map as KTX 2 with mirror images, and each face as Radiance HDR.
+def encode_cubemap(scene: Scene) -> Files:
+    """Return the scene as glTF, its map as KTX 2 with mirror images, and each face as Radiance HDR.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
     """
-    write_gltf(scene, folder)
     size = face_size(scene.environment)
     levels = prefilter_cubemap(scene.environment, size, np.linspace(0, 1, level_count(size)).tolist())
-    (folder / "environment.ktx2").write_bytes(_encode_ktx2(levels))
-    for name, face in zip(FACES, levels[0], strict=True):
-        (folder / f"{name}.hdr").write_bytes(encode_hdr_face(face))
-    (folder / RECORD).write_bytes(encode_record(scene))
+    faces = {f"{name}.hdr": encode_hdr_face(face) for name, face in zip(FACES, levels[0], strict=True)}
+    return {**encode_gltf(scene), "environment.ktx2": _encode_ktx2(levels), **faces, RECORD: encode_record(scene)}
 
 
 _NAMES = [f"L{band}{order}, irradiance, pre-scaled base" for band in range(3) for order in range(-band, band + 1)]
 
 
-def write_filament(scene: Scene, folder: Folder) -> None:
-    """Write the scene as glTF, its map as KTX cubemaps, sh.txt as cmgen writes it, and light.json.
+def encode_filament(scene: Scene) -> Files:
+    """Return the scene as glTF, its map as KTX cubemaps, sh.txt as cmgen writes it, and light.json.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
     """
-    write_gltf(scene, folder)
     size = face_size(scene.environment)
     harmonics = shader_harmonics(scene.light_probe.coefficients)
     texts = [" ".join(f"{value:.6g}" for value in row) for row in harmonics]
     roughnesses = 1 - np.sqrt(1 - np.linspace(0, 1, level_count(size)))
     levels = prefilter_cubemap(scene.environment, size, roughnesses.tolist())
-    (folder / "environment_ibl.ktx").write_bytes(_encode_ktx1(levels, {"sh": "\n".join(texts) + "\n"}))
-    (folder / "environment_skybox.ktx").write_bytes(_encode_ktx1([to_cubemap(scene.environment, size)], {}))
     lines = [f"({', '.join(f'{value:18.15f}' for value in row)}); // {_NAMES[i]}" for i, row in enumerate(harmonics)]
-    (folder / "sh.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    (folder / "light.json").write_text(encode_light_probe(scene.light_probe, "filament") + "\n", encoding="utf-8")
-    (folder / RECORD).write_bytes(encode_record(scene))
+    return {
+        **encode_gltf(scene),
+        "environment_ibl.ktx": _encode_ktx1(levels, {"sh": "\n".join(texts) + "\n"}),
+        "environment_skybox.ktx": _encode_ktx1([to_cubemap(scene.environment, size)], {}),
+        "sh.txt": ("\n".join(lines) + "\n").encode(),
+        "light.json": (encode_light_probe(scene.light_probe, "filament") + "\n").encode(),
+        RECORD: encode_record(scene),
+    }

@@ -13,7 +13,7 @@ from lighting.fields import Json
 from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, to_z_up
 from lighting.scene.records import Scene
-from lighting.scene.writer import Folder, encode_json, write_shared_files
+from lighting.scene.writer import Files, encode_json, encode_shared_files
 
 _CAMERA, _PROJECT = "camera.json", "scene.fspy"
 
@@ -21,21 +21,18 @@ _VERSION = 1
 _MIN_DEPTH = 1e-6  # of a unit vector along the view: stands for that of vanishing points at infinity
 
 
-def write_fspy(scene: Scene, folder: Folder) -> None:
-    """Write _CAMERA, _PROJECT and the shared files.
+def encode_fspy(scene: Scene) -> Files:
+    """Return _CAMERA, _PROJECT and the shared files.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
     """
-    write_shared_files(scene, folder)
     camera = _camera(scene)
-    (folder / _CAMERA).write_bytes(encode_json(camera))
     settings = {"referenceDistanceUnit": "Meters", "referenceDistance": scene.lighting.camera_height}
     state = json.dumps({"cameraParameters": camera, "calibrationSettingsBase": settings}).encode()
     plate = encode_png(scene.plate)
     header = struct.pack("<4sIII", b"fspy", _VERSION, len(state), len(plate))
-    (folder / _PROJECT).write_bytes(header + state + plate)
+    return {**encode_shared_files(scene), _CAMERA: encode_json(camera), _PROJECT: header + state + plate}
 
 
 def _camera(scene: Scene) -> Json:

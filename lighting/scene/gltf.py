@@ -29,7 +29,7 @@ from lighting.geometry import Floats
 from lighting.light_probe import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 from lighting.record_json import record_with_coefficients
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene
-from lighting.scene.writer import Folder, encode_lit_ground
+from lighting.scene.writer import Files, encode_lit_ground
 
 GLB_FILE = "scene.glb"
 
@@ -53,12 +53,11 @@ _RINGS = 32  # of the ball, from pole to pole
 _MIN_AREA = 1e-4  # relative to the largest; smaller triangles are degenerate ones at a pole
 
 
-def write_gltf(scene: Scene, folder: Folder) -> None:
-    """Write GLB_FILE, which holds everything.
+def encode_gltf(scene: Scene) -> Files:
+    """Return GLB_FILE, which holds everything.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
     """
     binary = _Binary()
     images = [binary.png(encode_png(scene.plate)), binary.png(encode_lit_ground(scene))]
@@ -81,7 +80,7 @@ def write_gltf(scene: Scene, folder: Folder) -> None:
         "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMPED, "wrapT": _CLAMPED}],
         "images": images,
     }
-    (folder / GLB_FILE).write_bytes(binary.packed(document))
+    return {GLB_FILE: binary.packed(document)}
 
 
 def _nodes(scene: Scene) -> list[Json]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from lighting.color import color_and_intensity, srgb_encode
 from lighting.geometry import Floats
 from lighting.scene import ENVIRONMENT, GROUND, LIT_GROUND, PLATE, records
-from lighting.scene.writer import Folder, fill_template, read_data_text, write_shared_files
+from lighting.scene.writer import Files, encode_shared_files, fill_template, read_data
 
 _PROJECT, _SCENE, CATCHER, BACKDROP = "project.godot", "scene.tscn", "ground.gdshader", "backdrop.gdshader"
 
@@ -23,21 +23,20 @@ _WINDOW = 1280  # pixels, the longer side of the window; the picture has the pla
 _SHADOW_REACH = 2.5  # how far shadows are drawn / the distance from the camera to the spot
 
 
-def write_godot(scene: records.Scene, folder: Folder) -> None:
-    """Write _PROJECT, _SCENE, the shaders CATCHER and BACKDROP, the shared files and how Godot imports the pictures.
+def encode_godot(scene: records.Scene) -> Files:
+    """Return _PROJECT, _SCENE, the shaders CATCHER and BACKDROP, the shared files and how Godot imports the pictures.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
     """
-    write_shared_files(scene, folder)
-    for name in (PLATE, ENVIRONMENT, LIT_GROUND, GROUND):
-        text = fill_template("godot_import.txt", {"name": name})
-        (folder / f"{name}.import").write_text(text, encoding="utf-8")
-    (folder / _SCENE).write_text(fill_template("godot_scene.tscn", _values(scene)), encoding="utf-8")
-    for name in (CATCHER, BACKDROP):
-        (folder / name).write_text(read_data_text(f"godot_{name}"), encoding="utf-8")
-    (folder / _PROJECT).write_text(fill_template("godot_project.txt", _window(scene)), encoding="utf-8")
+    pictures = (PLATE, ENVIRONMENT, LIT_GROUND, GROUND)
+    return {
+        **encode_shared_files(scene),
+        **{f"{name}.import": fill_template("godot_import.txt", {"name": name}) for name in pictures},
+        _SCENE: fill_template("godot_scene.tscn", _values(scene)),
+        **{name: read_data(f"godot_{name}") for name in (CATCHER, BACKDROP)},
+        _PROJECT: fill_template("godot_project.txt", _window(scene)),
+    }
 
 
 def _window(scene: records.Scene) -> dict[str, object]:

@@ -9,7 +9,7 @@ import numpy as np
 from lighting.geometry import Floats, direction
 from lighting.scene import ENVIRONMENT
 from lighting.scene.records import GROUND_RADIUS, PLACEHOLDER_ALBEDO, SUN_ANGLE, Scene
-from lighting.scene.writer import Folder, fill_template, read_data_text, write_shared_files
+from lighting.scene.writer import Files, encode_shared_files, fill_template, read_data
 
 _SCENE, _CAMERA, _LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
 
@@ -18,22 +18,20 @@ _SUN_DISTANCE = 10_000.0  # m; ten metres from the spot the sun's direction diff
 _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 
 
-def write_mitsuba(scene: Scene, folder: Folder) -> None:
-    """Write _SCENE, which includes _CAMERA, _LIGHT (with the ground) and OBJECT, then COMPOSITE and the shared files.
+def encode_mitsuba(scene: Scene) -> Files:
+    """Return _SCENE, which includes _CAMERA, _LIGHT (with the ground) and OBJECT, then COMPOSITE and the shared files.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
     """
-    write_shared_files(scene, folder)
-    for name, values in (
-        (_SCENE, {}),
-        (_CAMERA, _camera_values(scene)),
-        (_LIGHT, _light_values(scene)),
-        (OBJECT, _object_values(scene)),
-    ):
-        (folder / name).write_text(fill_template(f"mitsuba_{name}", values), encoding="utf-8")
-    (folder / COMPOSITE).write_text(read_data_text("mitsuba_composite.py"), encoding="utf-8")
+    return {
+        **encode_shared_files(scene),
+        _SCENE: read_data("mitsuba_scene.xml"),
+        _CAMERA: fill_template("mitsuba_camera.xml", _camera_values(scene)),
+        _LIGHT: fill_template("mitsuba_light.xml", _light_values(scene)),
+        OBJECT: fill_template("mitsuba_object.xml", _object_values(scene)),
+        COMPOSITE: read_data("mitsuba_composite.py"),
+    }
 
 
 def _camera_values(scene: Scene) -> dict[str, object]:

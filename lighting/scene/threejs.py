@@ -23,7 +23,7 @@ from lighting.files import FileOptions, encode_envmap, encode_jpeg
 from lighting.files.deflate import encode_png
 from lighting.record_json import record_with_coefficients
 from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene
-from lighting.scene.writer import Folder, encode_ground_mask, encode_lit_ground, fill_template, read_data_text
+from lighting.scene.writer import Files, encode_ground_mask, encode_lit_ground, fill_template, read_data
 
 PAGE, SENT_PAGE = "scene.html", "page.html"
 MAX_SENT_BYTES = 6_000_000  # of SENT_PAGE
@@ -33,23 +33,21 @@ _SIZES = [(side, quality) for side in (2048, 1536, 1024) for quality in (90, 75,
 _YAW = -90.0  # deg, turns the map so that three.js finds -Z where our maps have it
 
 
-def write_threejs(scene: Scene, folder: Folder) -> None:
-    """Write PAGE.
+def encode_threejs(scene: Scene) -> Files:
+    """Return PAGE.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
     """
     note = "Drop a .glb file to see it in this light; click on the ground to move it."
-    (folder / PAGE).write_text(_fill_page(_description(scene), note), encoding="utf-8")
+    return {PAGE: _fill_page(_description(scene), note)}
 
 
-def write_page(scene: Scene, folder: Folder) -> None:
-    """Write SENT_PAGE, whose plate is a JPEG as good as MAX_SENT_BYTES allow.
+def encode_page(scene: Scene) -> Files:
+    """Return SENT_PAGE, whose plate is a JPEG as good as MAX_SENT_BYTES allow.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the file goes.
     """
     rows = min(_MAP_HEIGHT, len(scene.environment))
     light = replace(scene, environment=shrink_envmap(scene.environment, rows))
@@ -58,9 +56,9 @@ def write_page(scene: Scene, folder: Folder) -> None:
         page = _fill_page(
             numbers | {"plate": _jpeg_url(scene.plate, side, quality)}, "Drag the teapot, or tap the ground."
         )
-        if len(page.encode()) <= MAX_SENT_BYTES:
+        if len(page) <= MAX_SENT_BYTES:
             break
-    (folder / SENT_PAGE).write_text(page, encoding="utf-8")
+    return {SENT_PAGE: page}
 
 
 def _jpeg_url(plate: NDArray[np.uint8], side: int, quality: int) -> str:
@@ -70,12 +68,12 @@ def _jpeg_url(plate: NDArray[np.uint8], side: int, quality: int) -> str:
     return "data:image/jpeg;base64," + b64encode(encode_jpeg(np.asarray(picture), quality)).decode()
 
 
-def _fill_page(numbers: Json, note: str) -> str:
+def _fill_page(numbers: Json, note: str) -> bytes:
     parts = {
         "note": note,
         "scene": json.dumps(numbers).replace("<", "\\u003c"),  # no text in it ends the script
-        "three": read_data_text("three.min.js"),
-        "viewer": read_data_text("viewer.js"),
+        "three": read_data("three.min.js").decode(),
+        "viewer": read_data("viewer.js").decode(),
     }
     return fill_template("viewer.html", parts)
 

@@ -23,7 +23,7 @@ from lighting.files import encode_envmap
 from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle
 from lighting.scene import ENVIRONMENT, PLATE, RECORD, records
-from lighting.scene.writer import Folder, encode_projected_ground, encode_record, read_data_text
+from lighting.scene.writer import Files, encode_projected_ground, encode_record, read_data
 
 _PACKAGE = "scene.unitypackage"
 ASSETS = "Assets/LightFromPhoto"
@@ -32,20 +32,16 @@ _COLUMNS, _ROWS = 24, 96  # of the picture, in the ground's mesh; a cell at the 
 _MAX_TEXTURE = 8192  # pixels; larger pictures are scaled down
 
 
-def write_unity(scene: records.Scene, folder: Folder) -> None:
-    """Write _PACKAGE.
+def encode_unity(scene: records.Scene) -> Files:
+    """Return _PACKAGE.
 
     Args:
         scene: made by `make_scene`.
-        folder: where it goes.
     """
     albedo, emission = encode_projected_ground(scene)
     members = {
-        "Editor/LightFromPhoto.cs": (read_data_text("LightFromPhoto.cs").encode(), "MonoImporter:\n"),
-        "Editor/LightFromPhoto.asmdef": (
-            read_data_text("LightFromPhoto.asmdef").encode(),
-            "AssemblyDefinitionImporter:\n",
-        ),
+        "Editor/LightFromPhoto.cs": (read_data("LightFromPhoto.cs"), "MonoImporter:\n"),
+        "Editor/LightFromPhoto.asmdef": (read_data("LightFromPhoto.asmdef"), "AssemblyDefinitionImporter:\n"),
         ENVIRONMENT: (
             encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe),
             _texture_meta(cube=True),
@@ -58,7 +54,7 @@ def write_unity(scene: records.Scene, folder: Folder) -> None:
     }
     own = f"{ASSETS}/{scene.photo_name}"  # so that another photo's assets are others; the script is shared
     paths = {name: f"{ASSETS if name.startswith('Editor/') else own}/{name}" for name in members}
-    (folder / _PACKAGE).write_bytes(_pack({paths[name]: member for name, member in members.items()}))
+    return {_PACKAGE: _pack({paths[name]: member for name, member in members.items()})}
 
 
 def _pack(members: dict[str, tuple[bytes, str]]) -> bytes:

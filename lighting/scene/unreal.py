@@ -16,7 +16,7 @@ from lighting.fields import Json
 from lighting.files import FileOptions, encode_envmap
 from lighting.geometry import Floats
 from lighting.scene import PLATE, records
-from lighting.scene.writer import Folder, encode_json, encode_projected_ground, read_data_text, write_shared_files
+from lighting.scene.writer import Files, encode_json, encode_projected_ground, encode_shared_files, read_data
 
 _SCRIPT, _NUMBERS, SKY = "unreal_scene.py", "unreal_scene.json", "environment.hdr"
 _ALBEDO, EMISSION = "ground_albedo.png", "ground_emission.png"
@@ -26,20 +26,21 @@ _CENTIMETERS = 100.0  # per meter
 _BACKDROP_DISTANCE = 1000.0  # m
 
 
-def write_unreal(scene: records.Scene, folder: Folder) -> None:
-    """Write _SCRIPT, the _NUMBERS that it reads, SKY, the pictures that the ground shows, and the shared files.
+def encode_unreal(scene: records.Scene) -> Files:
+    """Return _SCRIPT, the _NUMBERS that it reads, SKY, the pictures that the ground shows, and the shared files.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
     """
-    write_shared_files(scene, folder)
-    (folder / SKY).write_bytes(encode_envmap(scene.environment, options=FileOptions("hdr")))
     albedo, emission = encode_projected_ground(scene)
-    (folder / _ALBEDO).write_bytes(albedo)
-    (folder / EMISSION).write_bytes(emission)
-    (folder / _NUMBERS).write_bytes(encode_json(_description(scene)))
-    (folder / _SCRIPT).write_text(read_data_text("unreal_scene.py"), encoding="utf-8")
+    return {
+        **encode_shared_files(scene),
+        SKY: encode_envmap(scene.environment, options=FileOptions("hdr")),
+        _ALBEDO: albedo,
+        EMISSION: emission,
+        _NUMBERS: encode_json(_description(scene)),
+        _SCRIPT: read_data("unreal_scene.py"),
+    }
 
 
 def _description(scene: records.Scene) -> Json:

@@ -23,10 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
-from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, to_z_up
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
-from lighting.scene.writer import Folder, encode_lit_ground, fill_template, write_shared_files
+from lighting.scene.writer import Files, encode_shared_files, fill_template
 
 STAGE, SHOT_STAGE, DAY_STAGE, PACKAGE = "scene.usda", "shot.usda", "day.usda", "scene.usdz"
 
@@ -39,12 +38,11 @@ _ZIP_HEADER = 30 + 4  # bytes of a file's header in a ZIP archive, and of its ex
 _ZIP_PADDING = 0x1986  # the extra field that OpenUSD pads with
 
 
-def write_usd(scene: records.Scene, folder: Folder, *, up_axis: str = "Y") -> None:
-    """Write STAGE and the files it refers to, and PACKAGE, which holds its camera, plate and geometry.
+def encode_usd(scene: records.Scene, *, up_axis: str = "Y") -> Files:
+    """Return STAGE and the files it refers to, and PACKAGE, which holds its camera, plate and geometry.
 
     Args:
         scene: made by `make_scene`.
-        folder: where the files go.
         up_axis: of STAGE: "Y", or "Z", where the camera looks along +Y at azimuth 0.
 
     Raises:
@@ -52,11 +50,11 @@ def write_usd(scene: records.Scene, folder: Folder, *, up_axis: str = "Y") -> No
     """
     if up_axis not in ("Y", "Z"):
         raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.", "up_axis", ErrorCode.UNKNOWN)
-    write_shared_files(scene, folder)
-    (folder / STAGE).write_text(fill_template("scene.usda", _values(scene, up_axis)), encoding="utf-8")
-    geometry = _without_lights(fill_template("scene.usda", _values(scene, "Y")))
-    pictures = {PLATE: encode_png(scene.plate), LIT_GROUND: encode_lit_ground(scene)}
-    (folder / PACKAGE).write_bytes(_pack_usdz({STAGE: geometry.encode(), **pictures}))
+    shared = encode_shared_files(scene)
+    stage = fill_template("scene.usda", _values(scene, up_axis))
+    geometry = _without_lights(fill_template("scene.usda", _values(scene, "Y")).decode())
+    package = {STAGE: geometry.encode(), **{name: shared[name] for name in (PLATE, LIT_GROUND)}}
+    return {**shared, STAGE: stage, PACKAGE: _pack_usdz(package)}
 
 
 def _without_lights(stage: str) -> str:

@@ -8,16 +8,15 @@ import sys
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 from string import Template
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from lighting.checksum import DATA_FOLDER
 from lighting.color import SRGB_LINEAR, srgb_bytes
 from lighting.errors import ErrorCode, SceneError
 from lighting.fields import Json
@@ -33,18 +32,7 @@ _TEMPORARY = re.compile(rf"{re.escape(_PREFIX)}[0-9a-f]{{16}}")
 _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
 
 
-class _File(Protocol):
-    """A file to be written, in a folder or an archive."""
-
-    def write_bytes(self, data: bytes, /) -> object: ...
-
-    def write_text(self, text: str, /, encoding: str) -> object: ...
-
-
-class Folder(Protocol):
-    """Where a tool's files go: a Path, or an archive in memory."""
-
-    def __truediv__(self, name: str, /) -> _File: ...
+Files = dict[str, bytes]  # what a tool's files hold, by their names
 
 
 def write_scene(
@@ -59,7 +47,7 @@ def write_scene(
         tool: its name in EXPORTERS.
         folder: new or empty unless `overwrite`.
         overwrite: whether files in the folder may be replaced.
-        options: go to the tool's `write`.
+        options: go to the tool's `encode`.
 
     Raises:
         SceneError: the tool or the scene is none, or the folder cannot be written. It is raised too if the folder holds
@@ -67,12 +55,14 @@ def write_scene(
     """
     target = check_scene_target(tool, folder, overwrite=overwrite)
     try:
+        files = _encode(scene, tool, options)
         with _temporary_folder(target) as built:
-            _write(scene, tool, built, options)
-            _check_listed(tool, {path.relative_to(built).as_posix() for path in built.rglob("*") if path.is_file()})
+            for name, data in files.items():
+                (built / name).write_bytes(data)
             if target.is_dir():
-                _check_other_scenes(built, target, tool)
-                _replace_files(built, target)
+                _check_other_scenes(files, target, tool)
+                for name in sorted(files):
+                    (built / name).replace(target / name)
             else:
                 built.replace(target)
     except OSError as error:
@@ -85,60 +75,35 @@ def encode_scene_file(scene: Scene, tool: str, **options: Any) -> bytes:
     Args:
         scene: made by `make_scene`.
         tool: its name in EXPORTERS.
-        options: go to the tool's `write`.
+        options: go to the tool's `encode`.
 
     Raises:
         SceneError: the tool or the scene is none.
     """
-    with zipfile.ZipFile(BytesIO(zip_scene(scene, tool, **options))) as archive:
-        (name,) = archive.namelist()
-        return archive.read(name)
+    (data,) = _encode(scene, tool, options).values()
+    return data
 
 
 def zip_scene(scene: Scene, tool: str, **options: Any) -> bytes:
-    """The same files as a ZIP archive, made in memory; without the .blend file, which needs a disk.
+    """The same files as a ZIP archive, made in memory.
 
     The same scene makes the same bytes.
 
     Args:
         scene: made by `make_scene`.
         tool: its name in EXPORTERS.
-        options: go to the tool's `write`.
+        options: go to the tool's `encode`.
 
     Raises:
         SceneError: the tool or the scene is none.
     """
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
-        _write(scene, tool, _Archive(archive), options)
-        _check_listed(tool, set(archive.namelist()))
+        for name, data in _encode(scene, tool, options).items():
+            info = zipfile.ZipInfo(name)  # of 1980, so that the same scene makes the same bytes
+            info.external_attr = 0o644 << 16
+            archive.writestr(info, data, _COMPRESSION.get(Path(name).suffix, zipfile.ZIP_DEFLATED))
     return stream.getvalue()
-
-
-@dataclass(frozen=True)
-class _Archive:
-    """A Folder inside a ZIP archive."""
-
-    archive: zipfile.ZipFile
-
-    def __truediv__(self, name: str, /) -> "_Member":
-        return _Member(self.archive, name)
-
-
-@dataclass(frozen=True)
-class _Member:
-    """A File inside a ZIP archive."""
-
-    archive: zipfile.ZipFile
-    name: str
-
-    def write_bytes(self, data: bytes, /) -> None:
-        info = zipfile.ZipInfo(self.name)  # of 1980, so that the same scene makes the same bytes
-        info.external_attr = 0o644 << 16
-        self.archive.writestr(info, data, _COMPRESSION.get(Path(self.name).suffix, zipfile.ZIP_DEFLATED))
-
-    def write_text(self, text: str, /, encoding: str) -> None:
-        self.write_bytes(text.encode(encoding))
 
 
 def check_scene_target(tool: str, folder: str | os.PathLike[str], *, overwrite: bool) -> Path:
@@ -175,12 +140,16 @@ def check_scene_folder(target: Path, *, overwrite: bool) -> None:
         raise SceneError(objection)
 
 
-def _write(scene: Scene, tool: str, folder: Folder, options: Mapping[str, object]) -> None:
+def _encode(scene: Scene, tool: str, options: Mapping[str, object]) -> Files:
+    """A scene's files; SceneError for one that the tool's entry does not list: no check kept the user's from it."""
     _check_tool(tool)
     if not isinstance(scene, Scene):
         sentence = f"A Scene is needed, not {type(scene).__name__}; make_scene makes one."
         raise SceneError(sentence, code=ErrorCode.WRONG_TYPE)
-    EXPORTERS[tool].write(scene, folder, **options)
+    files: Files = EXPORTERS[tool].encode(scene, **options)
+    if others := files.keys() - set(EXPORTERS[tool].files):
+        raise SceneError(f"The exporter for {tool} wrote {', '.join(sorted(others))}, which its entry does not list.")
+    return files
 
 
 def _check_tool(tool: str) -> None:
@@ -191,12 +160,6 @@ def _check_tool(tool: str) -> None:
     if tool not in EXPORTERS:
         sentence = f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}."
         raise SceneError(sentence, "tool", ErrorCode.UNKNOWN)
-
-
-def _check_listed(tool: str, written: set[str]) -> None:
-    """Raise SceneError for a file that the tool's entry does not list: no check has kept the user's own from it."""
-    if others := written - set(EXPORTERS[tool].files):
-        raise SceneError(f"The exporter for {tool} wrote {', '.join(sorted(others))}, which its entry does not list.")
 
 
 @contextmanager
@@ -244,9 +207,10 @@ def _lock_folder(folder: Path) -> int | None:
     return lock
 
 
-def _check_other_scenes(source: Path, target: Path, tool: str) -> None:
+def _check_other_scenes(files: Files, target: Path, tool: str) -> None:
     """Raise SceneError where the map and plate of another tool's scene would become those of another light."""
-    if not (source / RECORD).exists() or _same_file(source / RECORD, target / RECORD):
+    record = target / RECORD
+    if RECORD not in files or (record.is_file() and record.read_bytes() == files[RECORD]):
         return
     for other, entry in EXPORTERS.items():
         main = entry.files[0]
@@ -254,32 +218,22 @@ def _check_other_scenes(source: Path, target: Path, tool: str) -> None:
             raise SceneError(f"{target} holds a scene for {other} in other light, {main}; choose another folder.")
 
 
-def _same_file(one: Path, other: Path) -> bool:
-    return other.is_file() and one.read_bytes() == other.read_bytes()
-
-
-def _replace_files(source: Path, target: Path) -> None:
-    for file in sorted(path for path in source.rglob("*") if path.is_file()):
-        destination = target / file.relative_to(source)
-        destination.parent.mkdir(parents=True, exist_ok=True)
-        file.replace(destination)
-
-
 # Files that several tools share.
 
 
-def write_shared_files(scene: Scene, folder: Folder) -> None:
-    """Write SHARED_FILES.
+def encode_shared_files(scene: Scene) -> Files:
+    """SHARED_FILES.
 
     Args:
         scene: made by `make_scene`.
-        folder: where they go.
     """
-    (folder / PLATE).write_bytes(encode_png(scene.plate))
-    (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe))
-    (folder / RECORD).write_bytes(encode_record(scene))
-    (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
-    (folder / GROUND).write_bytes(encode_ground_mask(scene))
+    return {
+        PLATE: encode_png(scene.plate),
+        ENVIRONMENT: encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe),
+        RECORD: encode_record(scene),
+        LIT_GROUND: encode_lit_ground(scene),
+        GROUND: encode_ground_mask(scene),
+    }
 
 
 def encode_record(scene: Scene) -> bytes:
@@ -346,20 +300,20 @@ def encode_projected_ground(scene: Scene) -> tuple[bytes, bytes]:
     return albedo, emission
 
 
-def read_data_text(name: str) -> str:
-    """The text of a file in lighting/data/.
+def read_data(name: str) -> bytes:
+    """What a file in lighting/data/ holds.
 
     Args:
         name: of the file.
     """
-    return (files("lighting") / "data" / name).read_text(encoding="utf-8")
+    return (DATA_FOLDER / name).read_bytes()
 
 
-def fill_template(name: str, values: Mapping[str, object]) -> str:
+def fill_template(name: str, values: Mapping[str, object]) -> bytes:
     """The text of a file in lighting/data/ with its $placeholders replaced.
 
     Args:
         name: of the file.
         values: of all placeholders, by name.
     """
-    return Template(read_data_text(name)).substitute(values)
+    return Template(read_data(name).decode()).substitute(values).encode()

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from lighting.preview.drawing import SUN
 from lighting.records import Lighting
 from lighting.scene import Exporter, ExporterOption
 from lighting.scene.records import Scene, make_scene
-from lighting.scene.writer import Folder
+from lighting.scene.writer import Files
 from lighting.sky import SkyModel, Weather
 
 Bytes = NDArray[np.uint8]
@@ -114,17 +115,22 @@ def eastern_luminance(direction: ArrayLike, _sun_direction: ArrayLike, weather: 
     return np.where(y > 0, weather.turbidity + x, 0.0)
 
 
-def write_toy(scene: Scene, folder: Folder, *, unit: str = "m") -> None:
-    """Write TEXT with the sun, and PICTURE, the photo."""
+def save_files(folder: Path, files: Files) -> None:
+    """Write the files of a scene."""
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+
+
+def encode_toy(scene: Scene, *, unit: str = "m") -> Files:
+    """TEXT with the sun, and PICTURE, the photo."""
     height = scene.camera_position[1] * {"m": 1, "cm": 100}[unit]
     lines = [f"sun {scene.lighting.sun_azimuth:g} {scene.lighting.sun_elevation:g}", f"camera {height:g} {unit}"]
-    (folder / TEXT).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    (folder / PICTURE).write_bytes(encode_png(scene.plate))
+    return {TEXT: ("\n".join(lines) + "\n").encode(), PICTURE: encode_png(scene.plate)}
 
 
 EASTERN = SkyModel(eastern_luminance)
 TOY = Exporter(
-    write_toy, label="A toy", files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")}
+    encode_toy, label="A toy", files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")}
 )
 
 

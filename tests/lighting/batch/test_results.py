@@ -12,7 +12,7 @@ from pyarrow.parquet import read_table
 
 from lighting.batch.job import BatchJob
 from lighting.batch.ray import PhotoActor, _filesystem_at, _open_results
-from lighting.batch.results import open_journal, read_suitable, require_parquet, table_row, table_schema, write_parquet
+from lighting.batch.results import open_journal, read_answers, require_parquet, table_row, table_schema, write_parquet
 from lighting.errors import BatchError, MissingExtraError
 from lighting.fields import RANGES
 from lighting.records import Lighting
@@ -156,9 +156,10 @@ def test_names_with_half_a_character_are_known_again(path: Path) -> None:
 
 @pytest.mark.parametrize("share", ["0.5", [], "x", 2, -1, {"a": 1}])
 def test_a_share_that_somebody_edited_is_named(path: Path, share: object) -> None:
-    path.write_text(f"{LINES[0]}\n{json.dumps({'file': 'b.jpg', 'lighting': {'suitable': share}})}\n")
-    with pytest.raises(BatchError, match="line 2: suitable is not what a batch writes"):
-        list(read_suitable(path))
+    edited = {"file": "b.jpg", "lighting": LIGHT.to_dict() | {"suitable": share}}
+    path.write_text("".join(f"{json.dumps(line)}\n" for line in ({"file": "a.jpg", "error": "gone"}, edited)))
+    with pytest.raises(BatchError, match="line 2: suitable "):
+        list(read_answers(path))
 
 
 def test_clear_forgets_everything(path: Path) -> None:

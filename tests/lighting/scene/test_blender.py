@@ -20,14 +20,14 @@ from lighting.scene import EXPORTERS, blender
 from lighting.scene.writer import write_scene, zip_scene
 from tests.helpers.engines import PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
 from tests.helpers.processes import invoke_command
-from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
+from tests.helpers.scenes import half_shaded_scene, save_files, shaded_spot_scene, sunlit_scene
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A scene as it is written where Blender is not installed."""
     monkeypatch.setattr(blender, "find_spec", lambda _name: None)
-    blender.write_blender(sunlit_scene(), tmp_path)
+    save_files(tmp_path, blender.encode_blender(sunlit_scene()))
     return tmp_path
 
 
@@ -80,7 +80,7 @@ def test_what_the_compositor_knows_of_shade(folder: Path, numbers: dict[str, Any
 
 def test_what_blender_knows_of_the_spot(folder: Path, numbers: dict[str, Any]) -> None:
     assert numbers["spot_in_shade"] is False
-    blender.write_blender(shaded_spot_scene(), folder)
+    save_files(folder, blender.encode_blender(shaded_spot_scene()))
     assert json.loads((folder / "scene.json").read_text())["spot_in_shade"] is True
 
 
@@ -95,7 +95,7 @@ def test_sun_and_lens(numbers: dict[str, Any]) -> None:
 
 def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
-    monkeypatch.setattr(blender, "read_data_text", lambda _name: "import sys; sys.exit('Error: no memory.')")
+    monkeypatch.setattr(blender, "read_data", lambda _name: b"import sys; sys.exit('Error: no memory.')")
     with pytest.raises(SceneError, match=r"^Blender could not build scene\.blend: Error: no memory\.$"):
         write_scene(sunlit_scene(), "blender", tmp_path / "out", blend=True)
     assert not (tmp_path / "out").exists()
@@ -106,11 +106,10 @@ def test_without_blender_a_blend_is_refused_and_nothing_starts_unasked(
 ) -> None:
     monkeypatch.setattr(blender, "find_spec", lambda _name: None)
     monkeypatch.setattr(blender, "find_blender_program", lambda: None)
-    with pytest.raises(
-        SceneError, match=r"^scene\.blend needs Blender, from blender\.org, or its module: pip install bpy\.$"
-    ):
+    sentence = r"^scene\.blend needs Blender, from blender\.org, or its module: pip install bpy\.$"
+    with pytest.raises(SceneError, match=sentence):
         write_scene(sunlit_scene(), "blender", tmp_path / "out", blend=True)
-    with pytest.raises(SceneError, match="needs a folder"):
+    with pytest.raises(SceneError, match=sentence):
         zip_scene(sunlit_scene(), "blender", blend=True)
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
     monkeypatch.setattr(blender, "find_blender", lambda: pytest.fail("It starts Blender."))
@@ -155,7 +154,7 @@ def test_blender_builds_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 @needs_blender
 def test_no_shadow_darkens_shade(folder: Path, numbers: dict[str, Any]) -> None:
     """The ball's shadow begins on lit ground, in the picture's left half, and goes on in the shade at its right."""
-    blender.write_blender(half_shaded_scene(), folder)
+    save_files(folder, blender.encode_blender(half_shaded_scene()))
     (folder / "scene.json").write_text(json.dumps(numbers | {"samples": 4}))
     subprocess.run([PYTHON, "scene.py", "--render"], cwd=folder, capture_output=True, check=True)
     plate = srgb_decode(half_shaded_scene().plate / 255.0)
@@ -169,7 +168,7 @@ def test_no_shadow_darkens_shade(folder: Path, numbers: dict[str, Any]) -> None:
 @needs_blender
 def test_an_object_in_the_photos_shade_is_in_shade(folder: Path) -> None:
     """The ball is much darker at its top than one in the sun; its shadow on sunlit ground is the same."""
-    blender.write_blender(shaded_spot_scene(), folder)
+    save_files(folder, blender.encode_blender(shaded_spot_scene()))
     numbers = json.loads((folder / "scene.json").read_text()) | {"samples": 4}
     pictures_of = {}
     for in_shade in (True, False):
@@ -191,7 +190,7 @@ def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(folder: Path
     )
     lit = []
     for scene in (shaded_spot_scene(), sunlit_scene()):
-        blender.write_blender(scene, folder)
+        save_files(folder, blender.encode_blender(scene))
         subprocess.run([PYTHON, "scene.py", "--save"], cwd=folder, capture_output=True, check=True)
         result = subprocess.run([PYTHON, "-c", look], cwd=folder, capture_output=True, text=True, check=True)
         lit.append(result.stdout.rpartition("FOUND ")[2].splitlines()[0])  # Blender may print more when it ends
@@ -243,7 +242,7 @@ def test_the_scene_has_collections(folder: Path) -> None:
 @needs_engines
 def test_blender_52_builds_and_renders_the_scene() -> None:
     with folder_in_chroot() as folder:
-        blender.write_blender(half_shaded_scene(), folder)
+        save_files(folder, blender.encode_blender(half_shaded_scene()))
         numbers = json.loads((folder / "scene.json").read_text())
         (folder / "scene.json").write_text(json.dumps(numbers | {"samples": 4}))
         (folder / "look.py").write_text(LOOK)

@@ -16,14 +16,14 @@ from lighting.files.radiance_hdr import decode_hdr
 from lighting.geometry import sample_latlong
 from lighting.light_probe import shader_harmonics
 from lighting.scene import CUBE_FACES
-from lighting.scene.cubemap import _encode_ktx1, _encode_ktx2, write_cubemap, write_filament
+from lighting.scene.cubemap import _encode_ktx1, _encode_ktx2, encode_cubemap, encode_filament
 from tests.helpers.requirements import require
-from tests.helpers.scenes import cube_directions, sunlit_scene
+from tests.helpers.scenes import cube_directions, save_files, sunlit_scene
 
 
 def test_the_faces_are_the_map(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    write_cubemap(scene, tmp_path)
+    save_files(tmp_path, encode_cubemap(scene))
     assert CUBE_FACES == FACES
     faces = np.array([decode_hdr((tmp_path / f"{name}.hdr").read_bytes()) for name in FACES])
     shown = sample_latlong(scene.environment, cube_directions(faces.shape[1]))
@@ -33,7 +33,7 @@ def test_the_faces_are_the_map(tmp_path: Path) -> None:
 
 def test_filament_gets_harmonics_in_three_files(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    write_filament(scene, tmp_path)
+    save_files(tmp_path, encode_filament(scene))
     expected = shader_harmonics(scene.light_probe.coefficients)
     lines = (tmp_path / "sh.txt").read_text().splitlines()
     assert [re.findall(r"-?\d+\.\d+", line.split("//")[0]) for line in lines] == [

@@ -18,7 +18,7 @@ from lighting.light_probe import CONDON_SHORTLEY, irradiance_from_harmonics
 from lighting.scene import gltf
 from tests.helpers.predictions import UNIT_NORMALS
 from tests.helpers.requirements import require
-from tests.helpers.scenes import cube_directions, harmonics, sunlit_scene
+from tests.helpers.scenes import cube_directions, harmonics, save_files, sunlit_scene
 
 NOTED = {"IMAGE_NPOT_DIMENSIONS", "UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"}  # a photo's size; what it does not know
 
@@ -51,14 +51,14 @@ def validated(file: Path) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_the_khronos_validator_finds_neither_errors_nor_warnings(tmp_path: Path) -> None:
-    gltf.write_gltf(sunlit_scene(), tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(sunlit_scene()))
     issues = validated(tmp_path / gltf.GLB_FILE)
     assert (issues["numErrors"], issues["numWarnings"], issues["numHints"]) == (0, 0, 0), issues["messages"]
     assert {message["code"] for message in issues["messages"]} <= NOTED
 
 
 def test_the_validator_does_find_faults(tmp_path: Path) -> None:
-    gltf.write_gltf(sunlit_scene(), tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(sunlit_scene()))
     file = tmp_path / gltf.GLB_FILE
     file.write_bytes(file.read_bytes().replace(b'"intensity":', b'"intensitx":').replace(b'"camera":0', b'"camera":7'))
     assert validated(file)["numErrors"] >= 1
@@ -66,7 +66,7 @@ def test_the_validator_does_find_faults(tmp_path: Path) -> None:
 
 def test_the_camera_is_the_scenes(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    gltf.write_gltf(scene, tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(scene))
     document, _ = document_of(tmp_path)
     assert matrix(node(document, "Camera")) == pytest.approx(scene.camera_matrix)
     camera = document["cameras"][0]["perspective"]
@@ -76,7 +76,7 @@ def test_the_camera_is_the_scenes(tmp_path: Path) -> None:
 
 def test_the_ground_says_where_an_object_touches_it(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    gltf.write_gltf(scene, tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(scene))
     document, _ = document_of(tmp_path)
     ground, ball = node(document, "Ground"), node(document, "Ball")
     contact = ground["extras"]["contact"]
@@ -87,7 +87,7 @@ def test_the_ground_says_where_an_object_touches_it(tmp_path: Path) -> None:
 
 def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    gltf.write_gltf(scene, tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(scene))
     document, _ = document_of(tmp_path)
     shining = matrix(node(document, "Sun")) @ [0, 0, -1, 0]
     assert shining[:3] == pytest.approx(-scene.sun_direction)
@@ -98,14 +98,14 @@ def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path) -
 
 
 def test_no_direct_sun_is_a_light_of_no_intensity(tmp_path: Path) -> None:
-    gltf.write_gltf(replace(sunlit_scene(), sun_irradiance=np.zeros(3)), tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(replace(sunlit_scene(), sun_irradiance=np.zeros(3))))
     (light,) = document_of(tmp_path)[0]["extensions"]["KHR_lights_punctual"]["lights"]
     assert (light["intensity"], light["color"]) == (0, [1, 1, 1])
 
 
 def test_the_plate_is_the_photo_and_fills_the_view(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    gltf.write_gltf(scene, tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(scene))
     document, binary = document_of(tmp_path)
     view = document["bufferViews"][document["images"][0]["bufferView"]]
     data = binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
@@ -160,7 +160,7 @@ def image_light(document: dict[str, Any]) -> dict[str, Any]:
 
 def test_the_map_lights_by_its_irradiance(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    gltf.write_gltf(scene, tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(scene))
     light = image_light(document_of(tmp_path)[0])
     assert light["intensity"] == 1.0  # written, too: left out, Babylon.js shows black; another squares diffuse light
     irradiance = np.array(light["irradianceCoefficients"])
@@ -171,7 +171,7 @@ def test_the_map_lights_by_its_irradiance(tmp_path: Path) -> None:
 
 def test_the_maps_mirror_images_are_its_pictures(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    gltf.write_gltf(scene, tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(scene))
     document, binary = document_of(tmp_path)
     light = image_light(document)
     sizes = []

@@ -14,7 +14,7 @@ from lighting.light_probe import irradiance_from_harmonics
 from lighting.scene import gltf
 from tests.helpers.predictions import UNIT_NORMALS
 from tests.helpers.requirements import require
-from tests.helpers.scenes import sunlit_scene
+from tests.helpers.scenes import save_files, sunlit_scene
 
 PAGE = """<!doctype html><canvas width="64" height="64"></canvas>
 <script src="$BABYLON"></script><script src="$LOADERS"></script>
@@ -54,7 +54,7 @@ def test_a_matte_ball_has_the_maps_irradiance(tmp_path: Path) -> None:
     program, modules = require("chromium"), Path(require("tests/node"))
     scene = sunlit_scene()
     scene = replace(scene, environment=scene.environment * np.float32(0.5 / scene.environment.mean()))
-    gltf.write_gltf(scene, tmp_path)
+    save_files(tmp_path, gltf.encode_gltf(scene))
     values = {
         "BABYLON": (modules / "babylonjs" / "babylon.js").as_uri(),
         "LOADERS": (modules / "babylonjs-loaders" / "babylonjs.loaders.min.js").as_uri(),

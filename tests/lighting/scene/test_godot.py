@@ -15,7 +15,7 @@ from lighting.scene import godot
 from lighting.scene.records import Scene
 from tests.helpers.engines import folder_in_chroot, needs_engines
 from tests.helpers.materials import render_in_godot, shadow_error
-from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
+from tests.helpers.scenes import half_shaded_scene, save_files, shaded_spot_scene, sunlit_scene
 
 PICTURES = ("scene", "ground", "sky", "uniform")
 
@@ -35,7 +35,7 @@ def values(text: str) -> list[float]:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    godot.write_godot(sunlit_scene(), tmp_path)
+    save_files(tmp_path, godot.encode_godot(sunlit_scene()))
     return tmp_path
 
 
@@ -68,7 +68,7 @@ def test_the_project_is_for_forward_plus_and_imports_pictures_as_they_are(folder
 
 @pytest.mark.parametrize(("scene", "layers"), [(sunlit_scene, "3"), (shaded_spot_scene, "1")])
 def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(tmp_path: Path, scene: Any, layers: str) -> None:
-    godot.write_godot(scene(), tmp_path)
+    save_files(tmp_path, godot.encode_godot(scene()))
     made = nodes(tmp_path)
     assert made["Sun"]["light_cull_mask"] == layers
     assert {made[name]["layers"] for name in ("Ball", "Stick")} == {"2"}  # the ground has the first

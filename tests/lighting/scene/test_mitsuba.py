@@ -18,7 +18,7 @@ from lighting.envmap.projection import photo_camera
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
 from lighting.scene.records import Scene
-from tests.helpers.scenes import LIGHT, half_shaded_scene, shaded_spot_scene, sunlit_scene
+from tests.helpers.scenes import LIGHT, half_shaded_scene, save_files, shaded_spot_scene, sunlit_scene
 
 mi: Any = mitsuba_renderer
 
@@ -29,7 +29,7 @@ WIDTH, HEIGHT = 160, 120
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mi.set_variant("scalar_rgb")
     path = tmp_path_factory.mktemp("scene")
-    mitsuba.write_mitsuba(sunlit_scene(), path)
+    save_files(path, mitsuba.encode_mitsuba(sunlit_scene()))
     return path
 
 
@@ -92,7 +92,7 @@ def test_the_camera_sees_the_map_as_the_photo_did(picture: NDArray[np.float32]) 
 def composite(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.uint8]:
     """What composite.py makes of a plate whose right half lies in shade."""
     folder = tmp_path_factory.mktemp("half_shaded")
-    mitsuba.write_mitsuba(half_shaded_scene(), folder)
+    save_files(folder, mitsuba.encode_mitsuba(half_shaded_scene()))
     return composited(folder)
 
 
@@ -118,7 +118,7 @@ def test_no_shadow_darkens_shade(composite: NDArray[np.uint8]) -> None:
 def test_an_object_in_the_photos_shade_is_in_shade(tmp_path: Path) -> None:
     """And `sun_on_object` gives it the sun again, while nothing else changes."""
     scene = shaded_spot_scene()
-    mitsuba.write_mitsuba(scene, tmp_path)
+    save_files(tmp_path, mitsuba.encode_mitsuba(scene))
     shade = composited(tmp_path)
     objects = (tmp_path / "object.xml").read_text()
     assert objects.count('name="sun_on_object" value="0"') == 1

@@ -30,7 +30,7 @@ from lighting.record_json import record_with_coefficients
 from lighting.scene import gltf, threejs
 from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene
 from tests.helpers.drawings import drawings
-from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
+from tests.helpers.scenes import half_shaded_scene, save_files, shaded_spot_scene, sunlit_scene
 
 Pictures = dict[str, NDArray[Any]]
 
@@ -65,8 +65,8 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
     """The page as it opens and after a click, the glTF file in three.js, and the map as the page's background."""
     folder = tmp_path_factory.mktemp("page")
     scene = sunlit_scene()
-    threejs.write_threejs(scene, folder)
-    gltf.write_gltf(scene, folder)
+    save_files(folder, threejs.encode_threejs(scene))
+    save_files(folder, gltf.encode_gltf(scene))
     glb = base64.b64encode((folder / gltf.GLB_FILE).read_bytes()).decode()
     drawn = drawings(
         folder / threejs.PAGE, VIEWS.replace("GLB", glb).replace("MOVED", MOVED), scene.width, scene.height
@@ -88,7 +88,7 @@ def shade_pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
 
 
 def draw_page(scene: Scene, folder: Path) -> Pictures:
-    threejs.write_threejs(scene, folder)
+    save_files(folder, threejs.encode_threejs(scene))
     page = folder / threejs.PAGE
     whole = str(description(page.read_text(encoding="utf-8"))["sunIntensity"])
     return drawings(page, 'drawn("page");' + SHARE.replace("WHOLE", whole) + MOVED, scene.width, scene.height)
@@ -132,9 +132,9 @@ def shadow_azimuth(picture: NDArray[Any], scene: Scene) -> float:
 
 def test_text_of_a_record_stays_text(tmp_path: Path) -> None:
     scene, hostile = sunlit_scene(), "</script><script>alert(1)</script><!--"
-    threejs.write_threejs(scene, tmp_path)
+    save_files(tmp_path, threejs.encode_threejs(scene))
     harmless = (tmp_path / threejs.PAGE).read_text()
-    threejs.write_threejs(replace(scene, lighting=replace(scene.lighting, warnings=(hostile,))), tmp_path)
+    save_files(tmp_path, threejs.encode_threejs(replace(scene, lighting=replace(scene.lighting, warnings=(hostile,)))))
     page = (tmp_path / threejs.PAGE).read_text()
     assert "alert(1)" in page
     assert [page.count(mark) for mark in ("<script", "</script", "<!--")] == [
@@ -275,7 +275,7 @@ def description(page: str) -> dict[str, Any]:
 
 
 def test_the_page_holds_all_it_needs(tmp_path: Path) -> None:
-    threejs.write_threejs(sunlit_scene(), tmp_path)
+    save_files(tmp_path, threejs.encode_threejs(sunlit_scene()))
     page = (tmp_path / threejs.PAGE).read_text(encoding="utf-8")
     assert [path.name for path in tmp_path.iterdir()] == [threejs.PAGE]
     assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", page) == []
@@ -285,7 +285,7 @@ def test_the_page_holds_all_it_needs(tmp_path: Path) -> None:
 
 def test_what_the_page_is_told(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    threejs.write_threejs(scene, tmp_path)
+    save_files(tmp_path, threejs.encode_threejs(scene))
     values = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
     assert values["sunIntensity"] * np.array(values["sunColour"]) == pytest.approx(scene.sun_irradiance)
     assert np.reshape(values["cameraMatrix"], (4, 4)) == pytest.approx(scene.camera_matrix)
@@ -306,7 +306,7 @@ def test_the_page_to_send_is_small_whatever_the_photo(tmp_path: Path) -> None:
     """Noise is what JPEG packs worst."""
     noise = np.random.default_rng(1).integers(0, 256, (2160, 3840, 3), np.uint8)
     scene = replace(sunlit_scene(), plate=noise)
-    threejs.write_page(scene, tmp_path)
+    save_files(tmp_path, threejs.encode_page(scene))
     page = (tmp_path / threejs.SENT_PAGE).read_bytes()
     assert len(page) <= threejs.MAX_SENT_BYTES
     assert not re.search(rb'(?:src|href)\s*=\s*"?https?:', page)
@@ -316,7 +316,7 @@ def test_the_page_to_send_is_small_whatever_the_photo(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_teapot_of_the_page_to_send_follows_the_finger(tmp_path: Path) -> None:
     scene = sunlit_scene()
-    threejs.write_page(scene, tmp_path)
+    save_files(tmp_path, threejs.encode_page(scene))
     moves = """
       const { renderer } = lightingScene;
       drawn("first");

@@ -20,14 +20,14 @@ from lighting.scene import unity
 from lighting.scene.records import Scene
 from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
 from tests.helpers.pages import ROOT
-from tests.helpers.scenes import LIGHT, plain_scene, shaded_spot_scene, sunlit_scene
+from tests.helpers.scenes import LIGHT, plain_scene, save_files, shaded_spot_scene, sunlit_scene
 
 SCRIPT = ROOT / "lighting" / "data" / "LightFromPhoto.cs"
 
 
 def extracted(scene: Scene, folder: Path) -> Path:
     """The folder of assets of a scene's package."""
-    unity.write_unity(scene, folder)
+    save_files(folder, unity.encode_unity(scene))
     extractPackage(str(folder / "scene.unitypackage"), outputPath=str(folder))
     return folder / unity.ASSETS / scene.photo_name
 
@@ -65,7 +65,7 @@ def test_the_package_holds_the_assets(assets: Path) -> None:
 
 
 def test_each_asset_has_settings_with_its_own_guid(tmp_path: Path) -> None:
-    unity.write_unity(plain_scene(), tmp_path)
+    save_files(tmp_path, unity.encode_unity(plain_scene()))
     packed = tmp_path / "scene.unitypackage"
     shutil.unpack_archive(packed, tmp_path / "raw", "gztar")
     settings = {}
@@ -86,7 +86,7 @@ def test_the_same_scene_makes_the_same_package(tmp_path: Path) -> None:
     packages = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-        unity.write_unity(plain_scene(), tmp_path / name)
+        save_files(tmp_path / name, unity.encode_unity(plain_scene()))
         packages.append((tmp_path / name / "scene.unitypackage").read_bytes())
     assert packages[0] == packages[1]
 
@@ -96,7 +96,7 @@ def test_two_photos_share_the_script_alone(tmp_path: Path) -> None:
     assets = {}
     lit, moved, other = plain_scene(), plain_scene(sun_azimuth=77.0), replace(plain_scene(), plate=sunlit_scene().plate)
     for name, scene in (("lit", lit), ("moved", moved), ("other", other)):
-        unity.write_unity(scene, tmp_path)
+        save_files(tmp_path, unity.encode_unity(scene))
         shutil.unpack_archive(tmp_path / "scene.unitypackage", tmp_path / name, "gztar")
         assets[name] = {folder.name: (folder / "pathname").read_text() for folder in (tmp_path / name).iterdir()}
     assert assets["moved"] == assets["lit"]  # the same photo's are replaced

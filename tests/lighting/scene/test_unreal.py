@@ -15,14 +15,14 @@ from lighting.geometry import Floats
 from lighting.scene import unreal
 from lighting.scene.records import Scene
 from tests.helpers import unreal as stand_in
-from tests.helpers.scenes import half_shaded_scene, plain_scene, shaded_spot_scene, sunlit_scene
+from tests.helpers.scenes import half_shaded_scene, plain_scene, save_files, shaded_spot_scene, sunlit_scene
 
 
 def run(
     scene: Scene, folder: Path, monkeypatch: pytest.MonkeyPatch, level: stand_in.Level | None = None
 ) -> stand_in.Level:
     folder.mkdir(exist_ok=True)
-    unreal.write_unreal(scene, folder)
+    save_files(folder, unreal.encode_unreal(scene))
     made = level or stand_in.Level()
     monkeypatch.setitem(sys.modules, "unreal", made.module())
     runpy.run_path(str(folder / "unreal_scene.py"))
@@ -151,7 +151,7 @@ def test_running_again_replaces_what_it_made_and_other_lights_are_named(
 
 
 def test_the_map_is_radiance(tmp_path: Path) -> None:
-    unreal.write_unreal(plain_scene(), tmp_path)
+    save_files(tmp_path, unreal.encode_unreal(plain_scene()))
     environment = plain_scene().environment
     read = cv2.imread(str(tmp_path / "environment.hdr"), cv2.IMREAD_UNCHANGED)
     assert read is not None

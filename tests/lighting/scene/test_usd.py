@@ -15,14 +15,14 @@ from lighting.errors import SceneError
 from lighting.files.exr import read_exr
 from lighting.geometry import latlong_directions
 from lighting.scene import EXPORTERS, usd
-from tests.helpers.scenes import shaded_spot_scene, sunlit_scene
+from tests.helpers.scenes import save_files, shaded_spot_scene, sunlit_scene
 
 BOTH_AXES = pytest.mark.parametrize("up_axis", EXPORTERS["usd"].options["up_axis"].choices)
 
 
 def opened(folder: Path, up_axis: str) -> Any:
     folder.mkdir(exist_ok=True)
-    usd.write_usd(sunlit_scene(), folder, up_axis=up_axis)
+    save_files(folder, usd.encode_usd(sunlit_scene(), up_axis=up_axis))
     return Usd.Stage.Open(str(folder / usd.STAGE))
 
 
@@ -110,7 +110,7 @@ def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path, u
 @BOTH_AXES
 def test_where_the_spot_is_in_shade_the_sun_lights_the_ground_alone(tmp_path: Path, up_axis: str) -> None:
     (tmp_path / "shade").mkdir()
-    usd.write_usd(shaded_spot_scene(), tmp_path / "shade", up_axis=up_axis)
+    save_files(tmp_path / "shade", usd.encode_usd(shaded_spot_scene(), up_axis=up_axis))
     shaded, lit = Usd.Stage.Open(str(tmp_path / "shade" / usd.STAGE)), opened(tmp_path / "sun", up_axis)
     assert complaints(shaded) == []
     parts = ("Ground", "YourObject", "YourObject/Ball", "YourObject/Stick", "YourObject/Mine")
@@ -129,7 +129,7 @@ def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str)
     """A map with one bright pixel, by OpenEXR's definition: +Z at the centre, longitude falls to the right."""
     environment = np.zeros_like(sunlit_scene().environment)
     environment[30, 400] = 1.0
-    usd.write_usd(replace(sunlit_scene(), environment=environment), tmp_path, up_axis=up_axis)
+    save_files(tmp_path, usd.encode_usd(replace(sunlit_scene(), environment=environment), up_axis=up_axis))
     stage = Usd.Stage.Open(str(tmp_path / usd.STAGE))
     dome = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
     assert dome.GetTextureFormatAttr().Get() == "latlong"
@@ -175,7 +175,7 @@ def test_the_plate_is_a_guide_that_fills_the_view(tmp_path: Path) -> None:
 
 
 def test_without_direct_sun_the_light_stays_and_is_dark(tmp_path: Path) -> None:
-    usd.write_usd(replace(sunlit_scene(), sun_irradiance=np.zeros(3)), tmp_path)
+    save_files(tmp_path, usd.encode_usd(replace(sunlit_scene(), sun_irradiance=np.zeros(3))))
     stage = Usd.Stage.Open(str(tmp_path / usd.STAGE))
     sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun"))
     assert sun.GetIntensityAttr().Get() == 0
@@ -184,5 +184,5 @@ def test_without_direct_sun_the_light_stays_and_is_dark(tmp_path: Path) -> None:
 
 def test_another_up_axis_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="must be Y or Z"):
-        usd.write_usd(sunlit_scene(), tmp_path, up_axis="X")
+        save_files(tmp_path, usd.encode_usd(sunlit_scene(), up_axis="X"))
     assert list(tmp_path.iterdir()) == []

@@ -19,16 +19,17 @@ from lighting.errors import SceneError
 from lighting.files.deflate import encode_png
 from lighting.files.exr import read_exr
 from lighting.record_json import record_with_coefficients
-from lighting.scene import EXPORTERS, Exporter, blender, mitsuba, unsupported_options
+from lighting.scene import EXPORTERS, Exporter, blender, unsupported_options
 from lighting.scene.records import Scene
 from lighting.scene.writer import (
+    Files,
     encode_lit_ground,
+    encode_shared_files,
     fill_template,
     write_scene,
-    write_shared_files,
     zip_scene,
 )
-from tests.helpers.scenes import PLAIN, plain_scene, sunlit_scene
+from tests.helpers.scenes import PLAIN, plain_scene, save_files, sunlit_scene
 
 
 def test_a_new_folder_holds_the_scene_alone(tmp_path: Path) -> None:
@@ -68,7 +69,7 @@ def test_a_scene_has_the_process_s_permissions_and_removes_what_killed_ones_left
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no SIGKILL")
 def test_a_killed_scene_leaves_nothing_for_long(tmp_path: Path) -> None:
     code = "import os, signal\nfrom lighting.scene import writer\nfrom tests.helpers.scenes import plain_scene\n"
-    code += "writer._check_listed = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
+    code += "writer.Path.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
     code += f"writer.write_scene(plain_scene(), 'mitsuba', {str(tmp_path / 'out')!r})"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
     (left,) = tmp_path.iterdir()
@@ -111,11 +112,15 @@ def test_the_folder_may_be_the_current_one_or_a_link(tmp_path: Path, monkeypatch
 
 
 def test_what_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_scene: Scene, folder: Path) -> None:
-        (folder / "half").write_text("written")
-        raise OSError(28, "No space left on device")
+    written: list[Path] = []
 
-    monkeypatch.setattr(mitsuba, "write_mitsuba", fail)
+    def fail(path: Path, _data: bytes) -> None:
+        if written:
+            raise OSError(28, "No space left on device")
+        path.touch()
+        written.append(path)
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
     with pytest.raises(SceneError, match=r"out cannot be written: No space left on device\.$"):
         write_scene(plain_scene(), "mitsuba", tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
@@ -155,7 +160,7 @@ def test_a_scene_beside_one_for_another_tool_is_in_the_same_light(tmp_path: Path
 
 def test_the_shared_files_hold_plate_map_and_record(tmp_path: Path) -> None:
     scene = plain_scene()
-    write_shared_files(scene, tmp_path)
+    save_files(tmp_path, encode_shared_files(scene))
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "environment.exr",
         "ground.png",
@@ -184,7 +189,7 @@ def test_the_mask_is_white_in_the_sun_and_black_in_shade() -> None:
 
 
 def test_a_template_must_get_every_value() -> None:
-    page = fill_template("viewer.html", {"scene": "{}", "three": "1", "viewer": "2", "note": "3"})
+    page = fill_template("viewer.html", {"scene": "{}", "three": "1", "viewer": "2", "note": "3"}).decode()
     assert "$" not in page
     with pytest.raises(KeyError):
         fill_template("viewer.html", {"scene": "{}"})
@@ -192,11 +197,11 @@ def test_a_template_must_get_every_value() -> None:
 
 @pytest.mark.parametrize("tool", EXPORTERS)
 def test_a_writer_takes_the_options_of_its_entry(tool: str) -> None:
-    module = {"filament": "cubemap", "page": "threejs"}.get(tool, tool)  # two write cubemaps, two pages
-    write = getattr(import_module(f"lighting.scene.{module}"), f"write_{tool}")
-    parameters = inspect.signature(write).parameters
+    module = {"filament": "cubemap", "page": "threejs"}.get(tool, tool)  # two encode cubemaps, two pages
+    encode = getattr(import_module(f"lighting.scene.{module}"), f"encode_{tool}")
+    parameters = inspect.signature(encode).parameters
     options = EXPORTERS[tool].options
-    assert set(parameters) - {"scene", "folder"} == set(options)
+    assert set(parameters) - {"scene"} == set(options)
     off = {name: False for name, option in options.items() if not option.choices}  # a switch
     assert all(parameters[name].default == off.get(name, option.default) for name, option in options.items())
 
@@ -217,11 +222,10 @@ def test_a_scene_holds_the_files_of_its_entry(tool: str, tmp_path: Path) -> None
 
 
 def test_a_file_that_the_entry_does_not_list_is_never_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def write(_scene: Scene, folder: Path) -> None:
-        for name in ("toy.txt", "photo.jpg"):
-            (folder / name).write_text("toy", encoding="utf-8")
+    def encode(_scene: Scene) -> Files:
+        return {"toy.txt": b"toy", "photo.jpg": b"toy"}
 
-    monkeypatch.setitem(EXPORTERS, "toy", Exporter(write, label="A toy", files=("toy.txt",)))
+    monkeypatch.setitem(EXPORTERS, "toy", Exporter(encode, label="A toy", files=("toy.txt",)))
     (tmp_path / "photo.jpg").write_text("the user's")
     sentence = r"^The exporter for toy wrote photo\.jpg, which its entry does not list\.$"
     with pytest.raises(SceneError, match=sentence):
