@@ -36,7 +36,14 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
 from lighting.registration.features import import_opencv
 from lighting.tracing import trace_step
-from lighting.video.framing import MIN_SAMPLE_LEVEL, SAMPLE_SIDE, Framing, fill_overlay, find_framing, looks_logarithmic
+from lighting.video.framing import (
+    MIN_SAMPLE_LEVEL,
+    SAMPLE_SIDE,
+    ClipForm,
+    fill_overlay,
+    find_framing,
+    looks_logarithmic,
+)
 from lighting.video.gpmf import SAMPLE_START, read_gps_fix
 from lighting.video.metadata import (
     LOOKS_LOGARITHMIC,
@@ -99,33 +106,15 @@ def _display_size(picture: Any, aspect: float) -> tuple[int, int]:
     return (height, width) if _swaps_axes(_display_matrix(picture)) else (width, height)
 
 
-@dataclass(frozen=True, eq=False)
-class ClipForm:
-    """How a clip's pictures become frames."""
-
-    curve: Curve | None = None
-    """By which they are coded; None: as each picture says."""
-    framing: Framing = field(default_factory=Framing)
-    """What of them is the world."""
-
-    @property
-    def lettered(self) -> "ClipForm":
-        """The same with the lettering in the picture."""
-        return replace(self, framing=replace(self.framing, overlay=None))
-
-
 def _upright_pixels(
-    picture: Any, context: Any, side: int, aspect: float = 1.0, form: ClipForm | None = None, scaler: Any = None
+    picture: Any, context: Any, side: int, aspect: float, form: ClipForm, scaler: Any
 ) -> NDArray[np.uint8]:
     """sRGB (h, w, 3) of a picture that a codec's context decoded, its longer side at most `side` pixels.
 
-    A border is cut off; without a `form` there is none. PyAV's `scaler` of a clip has its filters ready; None is a new
-    one.
+    A border is cut off. PyAV's `scaler` of a clip has its filters ready.
     """
-    form = form or ClipForm()
     width, height = max(1, round(picture.width * aspect)), picture.height
-    crop = form.framing.crop
-    if crop is not None:
+    if (crop := form.crop) is not None:
         shown = _display_size(picture, aspect)
         left, top, right, bottom = crop.pixels(*shown)
         side = round(side * max(shown) / max(right - left, bottom - top))
@@ -133,7 +122,7 @@ def _upright_pixels(
     curve = form.curve or stated
     size = shrink_size(width, height, side)
     eight_bits = "gbrp" if 2 * size[1] <= height else "rgb24"
-    pixels = _resize_picture(picture, *size, eight_bits if curve == "srgb" else "rgb48le", scaler or _picture_scaler())
+    pixels = _resize_picture(picture, *size, eight_bits if curve == "srgb" else "rgb48le", scaler)
     if curve != "srgb":
         pixels = _to_srgb(pixels, curve, primaries, is_full_range=_is_full_range(picture, context))
     upright = _apply_display_matrix(pixels, _display_matrix(picture))
@@ -174,12 +163,6 @@ def _apply_display_matrix(pixels: NDArray[np.uint8], matrix: NDArray[np.int32]) 
     (right, down) = (matrix[1, 0], matrix[0, 1]) if swapped else (matrix[0, 0], matrix[1, 1])
     upright = pixels.transpose(1, 0, 2) if swapped else pixels
     return np.ascontiguousarray(upright[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
-
-
-def _picture_scaler() -> Any:
-    from av.video.reformatter import VideoReformatter
-
-    return VideoReformatter()
 
 
 def _resize_picture(picture: Any, width: int, height: int, pixel_format: str, scaler: Any) -> NDArray[Any]:
@@ -277,15 +260,21 @@ class Clip:
         """
         self.path, self.side, self.damage = Path(path), side, ""
         self._container = _open_container(self.path)
+        from av.video.reformatter import VideoReformatter
+
         try:
             self._stream = _video_stream(self._container)
             aspect = float(self._stream.sample_aspect_ratio or 1.0)
             self._aspect = aspect if 0.1 < aspect < 10.0 else 1.0  # how many times as wide as high a pixel is
             self._errors = 0  # packets that could not be decoded
-            self._scaler = _picture_scaler()
+            self._scaler = VideoReformatter()
             self._packet_ticks = 0  # duration of the last packet, in the stream's time base
-            self._pictures = self._decode()
-            self._first = self._last = self._decoded_first()
+            pictures = self._decode()
+            if (first := next(pictures, None)) is None:
+                raise VideoError("The clip has no frame that can be read: it is damaged, cut short or empty.")
+            _check_size(first.width, first.height)
+            self._first = self._last = first
+            self._pictures = chain([first], pictures)
             self._kept: dict[int, Any] = {}  # pictures by their frames' indices
             self.form = form or ClipForm(curve)
             self.info = self._describe() if form is None else self._shape()
@@ -306,24 +295,28 @@ class Clip:
             only: indices of the frames that are wanted; None is all.
         """
         start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
-        shift = 0.0  # seconds by which times that begin again are shifted
-        for index, picture in enumerate(self._decoded()):
-            time = max(0.0, last + self._interval())
+        shift, interval = 0.0, 1.0 / (self.info.frame_rate or 30.0)  # s by which times that begin again are shifted
+        for index, picture in enumerate(self._pictures):
+            time = max(0.0, last + interval)
             if picture.time is not None:
                 time = float(picture.time) - start
                 shift = 0.0 if time > last else shift  # once they return, they were damaged: nothing was joined
                 time += shift
-            if time < last - _MIN_JUMP_BACK * self._interval() and not picture.is_corrupt:
-                shift += last + self._interval() - time
-                time = last + self._interval()
+            if time < last - _MIN_JUMP_BACK * interval and not picture.is_corrupt:
+                shift += last + interval - time
+                time = last + interval
             if not last < time < _MAX_TIME or picture.is_corrupt:
                 lost += 1
                 continue
             last, end = time, time + _picture_duration(picture, self._packet_ticks)
             if only is None or index in only:
                 self._last = picture
-                yield Frame(index, time, self._frame_pixels(picture, self.side, self._scaler))
-        self._note_damage(end, lost)
+                yield Frame(index, time, self._frame_pixels(picture, self.side))
+        if self.info.duration - end > _MAX_MISSING_END + interval:
+            self.damage = f"The clip ends after {end:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
+        elif count := max(lost, self._errors):
+            what = "1 damaged frame of the clip was" if count == 1 else f"{count} damaged frames of the clip were"
+            self.damage = f"{what} left out."
 
     def keep_picture(self, index: int) -> None:
         """Keep the picture of the frame that was read last, and few of those before.
@@ -340,66 +333,37 @@ class Clip:
             index: of the frame.
         """
         picture = self._kept.get(index)
-        return None if picture is None else self._frame_pixels(picture, VIEW_SIDE, None)
+        return None if picture is None else self._frame_pixels(picture, VIEW_SIDE)
 
-    def _frame_pixels(self, picture: Any, side: int, scaler: Any) -> NDArray[np.uint8]:
+    def _frame_pixels(self, picture: Any, side: int) -> NDArray[np.uint8]:
         with trace_step("decode"):
-            pixels = _upright_pixels(picture, self._stream.codec_context, side, self._aspect, self.form, scaler)
-            overlay = self.form.framing.overlay
-            return pixels if overlay is None else fill_overlay(pixels, overlay)
+            pixels = self._upright(picture, side)
+            return pixels if self.form.overlay is None else fill_overlay(pixels, self.form.overlay)
 
-    def _note_damage(self, end: float, lost: int) -> None:
-        """Write down what is missing; `end` is when [s] the last picture is over."""
-        if self.info.duration - end > _MAX_MISSING_END + self._interval():
-            self.damage = f"The clip ends after {end:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
-        elif lost or self._errors:
-            count = max(lost, self._errors)
-            what = "1 damaged frame of the clip was" if count == 1 else f"{count} damaged frames of the clip were"
-            self.damage = f"{what} left out."
-
-    def _interval(self) -> float:
-        return 1.0 / self.info.frame_rate if self.info.frame_rate else 1.0 / 30.0
-
-    def _decoded_first(self) -> Any:
-        first = self._next_picture()
-        if first is None:
-            raise VideoError("The clip has no frame that can be read: it is damaged, cut short or empty.")
-        _check_size(first.width, first.height)
-        return first
-
-    def _decoded(self) -> Iterator[Any]:
-        yield self._first
-        while (picture := self._next_picture()) is not None:
-            yield picture
-
-    def _next_picture(self) -> Any:
-        """The next picture, or None at the end."""
-        with trace_step("decode"):
-            return next(self._pictures, None)
+    def _upright(self, picture: Any, side: int) -> NDArray[np.uint8]:
+        return _upright_pixels(picture, self._stream.codec_context, side, self._aspect, self.form, self._scaler)
 
     def _decode(self) -> Iterator[Any]:
-        """Pictures as the file has them; packets that cannot be decoded are counted and left out."""
+        """Pictures as the file has them; packets that cannot be read or decoded are counted and left out."""
         import av
 
-        packets = self._container.demux(self._stream)
+        packets = self._container.demux(self._stream)  # ends at the first packet that cannot be read
         while True:
-            try:
-                packet = next(packets, None)
-            except av.FFmpegError:
-                self._errors += 1
-                return
-            if packet is None:
-                return
-            self._packet_ticks = packet.duration or self._packet_ticks
-            try:
-                yield from packet.decode()
-            except (av.FFmpegError, ValueError):  # a codec that FFmpeg could not open is none that PyAV 19 knows
-                self._errors += 1
+            with trace_step("decode"):
+                try:
+                    if (packet := next(packets, None)) is None:
+                        return
+                    self._packet_ticks = packet.duration or self._packet_ticks
+                    pictures = packet.decode()
+                except (av.FFmpegError, ValueError):  # a codec that FFmpeg could not open is none that PyAV 19 knows
+                    self._errors += 1
+                    continue
+            yield from pictures
 
     def _shape(self) -> _ClipInfo:
         """What is known of the pictures alone."""
         width, height = _display_size(self._first, self._aspect)
-        if (crop := self.form.framing.crop) is not None:
+        if (crop := self.form.crop) is not None:
             left, top, right, bottom = crop.pixels(width, height)
             width, height = right - left, bottom - top
         rate, context = float(self._stream.average_rate or 0.0), self._stream.codec_context
@@ -410,15 +374,20 @@ class Clip:
     def _describe(self) -> _ClipInfo:
         """What is known of the clip, once its form is found."""
         tags = {**_readable(self._stream.metadata), **_readable(self._container.metadata)}
-        subtitles, xml = self._subtitles(), read_xml(self.path)
-        log = None if self.form.curve else find_log_curve(tags, subtitles, xml)
-        self.form = ClipForm(self.form.curve if log is None else log.curve)
+        in_clip = self._container.streams.subtitles
+        subtitles, xml = (
+            read_subtitles(self.path) or (_track_subtitles(self.path) if in_clip else []),
+            read_xml(self.path),
+        )
+        warning: CodedWarning | None = None
+        if not self.form.curve:
+            curve, warning = find_log_curve(tags, subtitles, xml)
+            self.form = ClipForm(curve)
         shape = self._shape()
         samples = self._samples(shape.duration)
-        warnings = () if log is None else (log.warning,)
-        if self.form.curve is None and log is None and shape.curve == "srgb" and looks_logarithmic(samples):
-            warnings = (LOOKS_LOGARITHMIC,)
-        self.form = replace(self.form, framing=find_framing(samples, (shape.width, shape.height)))
+        if self.form.curve is None and warning is None and shape.curve == "srgb" and looks_logarithmic(samples):
+            warning = LOOKS_LOGARITHMIC
+        self.form = find_framing(samples, (shape.width, shape.height), self.form.curve)
         shape = self._shape()
         size = shape.width, shape.height
         subtitled, gimbal = subtitle_metadata(subtitles, *size)
@@ -426,17 +395,13 @@ class Clip:
         metadata = merge_metadata(subtitled, metadata)
         if self._container.streams.data:
             metadata = merge_metadata(_track_fix(self.path), metadata)
-        return replace(shape, metadata=metadata, gimbal=gimbal, warnings=(*warnings, *self.form.framing.warnings))
-
-    def _subtitles(self) -> list[Subtitle]:
-        """The subtitles beside the clip, or else in it."""
-        return read_subtitles(self.path) or (_track_subtitles(self.path) if self._container.streams.subtitles else [])
+        warnings = self.form.warnings if warning is None else (warning, *self.form.warnings)
+        return replace(shape, metadata=metadata, gimbal=gimbal, warnings=warnings)
 
     def _samples(self, duration: float) -> list[NDArray[np.uint8]]:
         """Frames from all over the clip, of the first one's size and not black."""
         pictures = chain([self._first], _sample_pictures(self.path, duration))
-        shape = self._stream.codec_context, SAMPLE_SIDE, self._aspect, self.form, self._scaler
-        first, *samples = (_upright_pixels(picture, *shape) for picture in pictures)
+        first, *samples = (self._upright(picture, SAMPLE_SIDE) for picture in pictures)
         return [s for s in samples if s.shape == first.shape and s.max() > MIN_SAMPLE_LEVEL] or [first]
 
 

@@ -10,12 +10,12 @@ References:
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import luminance
+from lighting.color import Curve, luminance
 from lighting.errors import CodedWarning, WarningCode
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.borders import Layout, Rectangle, find_layout
@@ -54,9 +54,11 @@ _MOSTLY_STILL = "Most of what stands out in the picture stands still while the r
 
 
 @dataclass(frozen=True, eq=False)
-class Framing:
-    """What of a clip's upright picture is the world."""
+class ClipForm:
+    """How a clip's pictures become frames, and what of the upright picture is the world."""
 
+    curve: Curve | None = None
+    """By which they are coded; None: as each picture says."""
     crop: Rectangle | None = None
     """The picture inside a border; None: all of it."""
     overlay: NDArray[np.bool_] | None = None
@@ -65,19 +67,20 @@ class Framing:
     """Sentences for people."""
 
 
-def find_framing(samples: Sequence[Pixels], size: tuple[int, int]) -> Framing:
+def find_framing(samples: Sequence[Pixels], size: tuple[int, int], curve: Curve | None = None) -> ClipForm:
     """Find a clip's border and the lettering in it.
 
     Args:
         samples: (h, w, 3) sRGB each, frames of the clip, of one size.
         size: width and height of the clip's upright picture, pixels.
+        curve: by which the clip is coded; None: as each picture says.
     """
     crop, warnings = _find_border(samples, size)
     if crop is not None:
         left, top, right, bottom = crop.pixels(samples[0].shape[1], samples[0].shape[0])
         samples = [sample[top:bottom, left:right] for sample in samples]
     overlay, doubts = _find_overlay(samples)
-    return Framing(crop, overlay, (*warnings, *doubts))
+    return ClipForm(curve, crop, overlay, (*warnings, *doubts))
 
 
 def _find_border(samples: Sequence[Pixels], size: tuple[int, int]) -> tuple[Rectangle | None, tuple[CodedWarning, ...]]:
@@ -86,9 +89,9 @@ def _find_border(samples: Sequence[Pixels], size: tuple[int, int]) -> tuple[Rect
     if 2 * sum(layout.is_collage for layout in layouts) > len(layouts):
         return None, tuple(describe_layout(Layout(is_collage=True), *size))
     framed = [layout for layout in layouts if layout.photo is not None]
-    edges = np.array([_edges(layout.photo) for layout in framed if layout.photo is not None]).reshape(-1, 4)
     if not framed:
         return None, ()
+    edges = np.array([astuple(layout.photo) for layout in framed if layout.photo is not None])
     agreeing = np.abs(edges - np.median(edges, axis=0)).max(axis=1) <= _SAME_EDGE
     if 2 * np.count_nonzero(agreeing) <= len(samples):
         often = len(framed) >= max(2.0, _MIN_FRAMED_SHARE * len(samples))
@@ -102,10 +105,6 @@ def _find_border(samples: Sequence[Pixels], size: tuple[int, int]) -> tuple[Rect
         return None, ()
     is_stereo_pair = 2 * sum(layout.is_stereo_pair for layout in framed) > len(framed)
     return crop, tuple(describe_layout(Layout(crop, is_stereo_pair=is_stereo_pair), width, height, "picture"))
-
-
-def _edges(rectangle: Rectangle) -> tuple[float, float, float, float]:
-    return rectangle.left, rectangle.top, rectangle.right, rectangle.bottom
 
 
 def _find_overlay(samples: Sequence[Pixels]) -> tuple[NDArray[np.bool_] | None, tuple[CodedWarning, ...]]:
@@ -124,7 +123,9 @@ def _find_overlay(samples: Sequence[Pixels]) -> tuple[NDArray[np.bool_] | None, 
     share = float(np.mean(staying)) / max(contrast, 1e-6)
     if share >= _MAX_STILL_SHARE:
         return None, ()
-    covered = _spread(staying & _has_corners(*(np.where(staying, part, 0.0) for part in middle)), _MARGIN)
+    found = staying & _has_corners(*(np.where(staying, part, 0.0) for part in middle))
+    square = np.ones((2 * _MARGIN + 1, 2 * _MARGIN + 1), np.uint8)
+    covered = np.asarray(import_opencv().dilate(found.astype(np.uint8), square), dtype=bool)
     if (area := float(covered.mean())) < _MIN_OVERLAY_SHARE:
         return None, ()
     sentences = [_OVERLAY.format(100.0 * area)] + [_MOSTLY_STILL] * (share >= _DOUBTFUL_SHARE)
@@ -196,32 +197,11 @@ def _differing(grays: Sequence[NDArray[np.float32]]) -> list[NDArray[np.float32]
 
 def _has_corners(across: Floats, down: Floats) -> NDArray[np.bool_]:
     """Where (h, w) gradients about a pixel have every direction, by the eigenvalues of their structure tensor."""
-    xx, yy, xy = (_mean_about(product) for product in (across * across, down * down, across * down))
+    cv2, window = import_opencv(), (_WINDOW, _WINDOW)
+    products = (across * across, down * down, across * down)
+    xx, yy, xy = (np.asarray(cv2.blur(product, window, borderType=cv2.BORDER_CONSTANT)) for product in products)
     total, difference = xx + yy, np.hypot(xx - yy, 2.0 * xy)
     return np.asarray(total - difference >= _MIN_CORNER * np.maximum(total + difference, 1e-6))
-
-
-def _mean_about(values: Floats) -> Floats:
-    """The mean of a window about each pixel (h, w)."""
-    for axis in (0, 1):
-        padding = [(0, 0), (0, 0)]
-        padding[axis] = (_WINDOW // 2 + 1, _WINDOW // 2)
-        total = np.cumsum(np.pad(values, padding), axis=axis)
-        first, last = (total.take(np.arange(start, start + values.shape[axis]), axis=axis) for start in (0, _WINDOW))
-        values = (last - first) / _WINDOW
-    return values
-
-
-def _spread(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """The mask (h, w) with all pixels that are so near to it [pixels]."""
-    for axis in (0, 1):
-        padding = [(0, 0), (0, 0)]
-        padding[axis] = (reach, reach)
-        padded = np.pad(mask, padding)
-        size = mask.shape[axis]
-        shifted = [padded.take(np.arange(step, step + size), axis=axis) for step in range(2 * reach + 1)]
-        mask = np.any(shifted, axis=0)
-    return mask
 
 
 def looks_logarithmic(samples: Sequence[Pixels]) -> bool:

@@ -94,6 +94,14 @@ LOOKS_LOGARITHMIC = CodedWarning(
     WarningCode.CURVE,
 )
 
+_WHOLE = (  # fields that are of one source, told where the first of them is
+    ("local_time", "utc_offset", "utc_probability"),
+    ("gps_time",),
+    ("latitude", "longitude"),
+    ("heading", "heading_reference"),
+    ("vertical_fov", "focal_length"),
+)
+
 Subtitle = tuple[float, str]  # when it begins [s], and its text
 
 
@@ -213,11 +221,8 @@ def read_subtitles(clip: Path) -> list[Subtitle]:
     """
     text = _read_beside(clip, (".SRT", ".srt"), MAX_SUBTITLE_BYTES)
     blocks = ((_START_TIME.search(block), block) for block in re.split(r"\r?\n\s*\r?\n", text))
-    return [(_seconds(*start.groups()), block) for start, block in blocks if start is not None]
-
-
-def _seconds(hours: str, minutes: str, seconds: str, thousandths: str) -> float:
-    return 3600.0 * int(hours) + 60.0 * int(minutes) + int(seconds) + int(thousandths) / 1000.0
+    times = ((map(int, start.groups()), block) for start, block in blocks if start is not None)
+    return [(3600.0 * h + 60.0 * m + s + ms / 1000.0, block) for (h, m, s, ms), block in times]
 
 
 def read_xml(clip: Path) -> str:
@@ -355,23 +360,18 @@ def _make_gimbal(entries: list[_Entry]) -> Gimbal:
     return Gimbal(time, heading, pitch, roll)
 
 
-@dataclass(frozen=True)
-class NamedLog:
-    """A camera's logarithm that a clip's files name."""
-
-    curve: LogCurve | None
-    """The curve; None where none is known."""
-    warning: CodedWarning
-    """What was done."""
-
-
-def find_log_curve(tags: Mapping[str, str], subtitles: Sequence[Subtitle], xml: str) -> NamedLog | None:
-    """Find the logarithm that a clip's files name; None where they name none.
+def find_log_curve(
+    tags: Mapping[str, str], subtitles: Sequence[Subtitle], xml: str
+) -> tuple[LogCurve | None, CodedWarning | None]:
+    """Find the logarithm that a clip's files name.
 
     Args:
         tags: of the container, by name.
         subtitles: in the clip or beside it.
         xml: beside the clip or in it; may be empty.
+
+    Returns:
+        The curve, None where none is known, and what was done, None where the files name no logarithm.
     """
     of_drone = (found[1] for _, text in subtitles[:1] for found in _DJI_COLORS.finditer(text))
     pairs = (pattern.findall(xml) for pattern in (_XML_ITEM, _XML_ELEMENT, _XML_ATTRIBUTE))
@@ -383,8 +383,8 @@ def find_log_curve(tags: Mapping[str, str], subtitles: Sequence[Subtitle], xml: 
         if (found := next((log for name, log in _LOG_NAMES.items() if name in plain), None)) is not None:
             name, curve = found
             sentence = (_NOT_UNDONE if curve is None else _UNDONE).format(name, source)
-            return NamedLog(curve, CodedWarning(sentence, WarningCode.CURVE))
-    return None
+            return curve, CodedWarning(sentence, WarningCode.CURVE)
+    return None, None
 
 
 def merge_metadata(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata:
@@ -394,16 +394,5 @@ def merge_metadata(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata
         first: what counts.
         second: what counts where `first` says nothing.
     """
-    merged = second
-    if first.local_time is not None:
-        merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset)
-        merged = replace(merged, utc_probability=first.utc_probability)
-    if first.gps_time is not None:
-        merged = replace(merged, gps_time=first.gps_time)
-    if first.latitude is not None:
-        merged = replace(merged, latitude=first.latitude, longitude=first.longitude)
-    if first.heading is not None:
-        merged = replace(merged, heading=first.heading, heading_reference=first.heading_reference)
-    if first.vertical_fov is not None:
-        merged = replace(merged, focal_length=first.focal_length, vertical_fov=first.vertical_fov)
-    return merged
+    told = [names for names in _WHOLE if getattr(first, names[0]) is not None]
+    return replace(second, **{name: getattr(first, name) for names in told for name in names})

@@ -8,23 +8,21 @@ tool's entry of EXPORTERS has it; the sun stands still, and the map has no disc.
 
 All maps of a shot show its light, and the place as the same frame shows it, with the same detail, so that nothing
 changes from one to the next. That frame was kept while the clip was read, or it is decoded again, by a second reader
-that follows the first. Where scenes are written, it is kept as a PNG until then.
+that follows the first. The picture behind a scene's camera is read so, too, in full size.
 
 The film is the clip with its light drawn in: the horizon, the sun or an arrow to it, and three balls lit as the place
 is.
 """
 
-import io
 import json
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, TextIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +35,6 @@ from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import ErrorCode, SceneError, VideoError
 from lighting.files import atomic_write, escape_undecodable, is_own_map, write_envmap, write_file
-from lighting.files.deflate import encode_png
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
 from lighting.light_probe import compute_light_probe
@@ -63,7 +60,8 @@ from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
 from lighting.tracing import trace_step
-from lighting.video.decode import VIEW_SIDE, Clip, ClipForm, local_address
+from lighting.video.decode import VIEW_SIDE, Clip, Frame, local_address
+from lighting.video.framing import ClipForm
 from lighting.video.observation import NETWORK_INTERVAL
 from lighting.video.shot import FrameLight, Shot, analyze_shots, frame_lights, lighting_in_frame, shot_lighting
 from lighting.video.tracking import ClipMetadata
@@ -136,8 +134,8 @@ def _write_film(
     source: Path,
     lights: Mapping[int, FrameLight],
     target: Path,
-    skies: Mapping[int, _ShotSky] | None = None,
-    form: ClipForm | None = None,
+    skies: Mapping[int, _ShotSky],
+    form: ClipForm,
 ) -> None:
     """Write a clip with its light drawn in, as H.264 in MP4; frames without a light stay as they are.
 
@@ -145,15 +143,15 @@ def _write_film(
         source: the clip.
         lights: of frames by their index.
         target: the film, replaced at the end.
-        skies: what the balls show of the place, by the shots' numbers; None: sky and ground alone.
-        form: of the clip's pictures; None: found here.
+        skies: what the balls show of the place, by the shots' numbers; those of others show sky and ground alone.
+        form: of the clip's pictures.
 
     Raises:
         VideoError: the clip cannot be read.
         OSError: the film cannot be written.
     """
     with Clip(source, FILM_SIDE, form=form) as clip, atomic_write(target) as temporary:
-        _encode(_film_frames(clip, lights, skies or {}), clip.info.frame_rate, temporary)
+        _encode(_film_frames(clip, lights, skies), clip.info.frame_rate, temporary)
 
 
 def _film_frames(
@@ -245,66 +243,45 @@ def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, ta
         film.mux(stream.encode())
 
 
-class _ViewReader:
-    """Reads the frames that maps show; a context manager. The clip is opened at the first that was not kept."""
+@contextmanager
+def _read_frames(path: Path, side: int, form: ClipForm) -> Iterator[Callable[[int], NDArray[np.uint8] | None]]:
+    """A second reader of a clip, opened at the first frame that is asked for; each must be later than the one before.
 
-    def __init__(self, clip: Clip, model: Model) -> None:
-        """Begin.
+    It returns pixels (h, w, 3) sRGB, the longer side `side` at most; None where the clip ends before.
+    """
+    wanted = set[int]()
 
-        Args:
-            clip: an open one, which keeps some pictures.
-            model: the network, which tells what frames show.
-        """
-        self._first, self._model, self._wanted = clip, model, set[int]()
-        self._clip: Clip | None = None
+    def follow() -> Generator[Frame, None, None]:
+        with Clip(path, side, form=form) as clip:
+            yield from clip.frames(wanted)
 
-    def __enter__(self) -> Self:
-        return self
+    with closing(follow()) as frames:
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if self._clip is not None:
-            self._clip.__exit__(kind, error, traceback)
+        def read(index: int) -> NDArray[np.uint8] | None:
+            wanted.add(index)
+            frame = next(frames, None)
+            return None if frame is None else frame.pixels
 
-    def read(self, shot: Shot, *, detail: bool) -> PhotoContext | None:
-        """Return what the maps of a shot show of the place; None where they show sky and ground alone.
-
-        Args:
-            shot: one that comes after those of the calls before.
-            detail: whether they have detail all around.
-
-        Raises:
-            VideoError: the clip cannot be read any more.
-            OSError: the same.
-        """
-        if shot.view is None:
-            return None
-        index = int(shot.frames[shot.view.index])
-        if (pixels := self._first.kept_pixels(index)) is None:
-            pixels = self._read_again(index)
-        return None if pixels is None else _view_context(shot, pixels, self._model, detail=detail)
-
-    def _read_again(self, index: int) -> NDArray[np.uint8] | None:
-        """A frame's pixels (h, w, 3) sRGB from the clip; None where it ends before."""
-        if self._clip is None:
-            self._clip = Clip(self._first.path, VIEW_SIDE, form=self._first.form)
-            self._frames = self._clip.frames(self._wanted)
-        self._wanted.add(index)
-        frame = next(self._frames, None)
-        return None if frame is None else frame.pixels
+        yield read
 
 
-def _view_context(shot: Shot, pixels: NDArray[np.uint8], model: Model, *, detail: bool) -> PhotoContext | None:
-    """The surroundings by the pixels (h, w, 3) sRGB of the frame that a shot's maps show."""
-    if shot.view is None:
-        return None
-    index = shot.view.index
-    light = lighting_in_frame(shot, index, scale_exposure(shot_lighting(shot), shot.gains[index]))
-    photo = photo_from_array(pixels)
+def _map_shot(
+    shot: Shot, clip: Clip, read_again: Callable[[int], NDArray[np.uint8] | None], model: Model, options: MapOptions
+) -> "_ShotMap":
+    """What a shot's maps show: the place as one frame shows it, which is read again unless the open clip kept it."""
+    view, pixels = None if options.around == Around.PLAIN else shot.view, None
+    if view is not None:
+        frame = int(shot.frames[view.index])
+        pixels = clip.kept_pixels(frame)
+        pixels = read_again(frame) if pixels is None else pixels
+    if view is None or pixels is None:
+        return _ShotMap(replace(shot, view=None), None, options)
+    light = lighting_in_frame(shot, view.index, scale_exposure(shot_lighting(shot), shot.gains[view.index]))
+    photo, detail = photo_from_array(pixels), options.around != Around.PHOTO
     with trace_step("network"):
         segments = photo_segments(model.predict_one(photo).segments, photo.width, photo.height)
-    return PhotoContext(pixels, shot.view.coarse_panorama, light.exposure, light, segments, detail=detail)
+    context = PhotoContext(pixels, view.coarse_panorama, light.exposure, light, segments, detail=detail)
+    return _ShotMap(shot, context, options)
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,38 +289,29 @@ class _ShotMap:
     """The light of a shot, and what its maps show."""
 
     shot: Shot
-    """A solved one."""
-    context: PhotoContext | None = None
-    """Of `_ViewReader`; None: sky and ground alone."""
-    view: MapOptions = DEFAULT_MAP
+    """A solved one, without a view where its maps show sky and ground alone."""
+    context: PhotoContext | None
+    """By the frame of its view; None without one."""
+    view: MapOptions
     """Of OutputOptions."""
 
     @property
     def heading(self) -> float:
         """Of the camera that the place is seen by, deg from azimuth 0; of sky and ground alone it is 0."""
-        return 0.0 if self.context is None or self._index is None else float(self.shot.path.heading[self._index])
-
-    @property
-    def _index(self) -> int | None:
-        return None if self.shot.view is None else self.shot.view.index
+        return 0.0 if self.shot.view is None else float(self.shot.path.heading[self.shot.view.index])
 
     def render_world(self) -> RenderedMap:
         """Render the map with true north at its center, or else the first frame's heading, and the light so."""
         light = self.light
         north = light.camera_heading or 0.0
-        yaw = float(wrap_azimuth(north + self.heading))
-        rendered = render_map(self._light_seen(), replace(self._bare_view, yaw=yaw), self.context)
+        yaw, adjusted = float(wrap_azimuth(north + self.heading)), DEFAULT_MAP.adjustments  # the light is already
+        rendered = render_map(self._light_seen(), replace(self.view, adjustments=adjusted, yaw=yaw), self.context)
         return replace(rendered, lighting=rotate_lighting(light, north) if north else light)
 
     @property
     def light(self) -> Lighting:
         """The shot's light as the user adjusts it, for its first camera."""
         return shot_lighting(self.shot, self.view.adjustments)
-
-    @property
-    def _bare_view(self) -> MapOptions:
-        """The view of a light that is adjusted already."""
-        return replace(self.view, adjustments=DEFAULT_MAP.adjustments)
 
     def compute_harmonics(self) -> Floats:
         """Return the light probe's coefficients (9, 3) as the first frame's camera sees light and place."""
@@ -375,43 +343,8 @@ class _ShotMap:
 
     def _light_seen(self) -> Lighting:
         """The light as the camera at `heading` sees it."""
-        light = self.light
-        if self.context is None or self._index is None:
-            return light
-        return lighting_in_frame(self.shot, self._index, light)
-
-
-@dataclass(frozen=True, eq=False)
-class _KeptMap:
-    """A shot's map until its scene is written: its frame is a PNG, so that many shots take little memory."""
-
-    shot_map: _ShotMap
-    png: bytes
-
-    @staticmethod
-    def pack(shot_map: _ShotMap) -> "_KeptMap":
-        context = shot_map.context
-        if context is None:
-            return _KeptMap(shot_map, b"")
-        png = encode_png(context.photo)
-        return _KeptMap(replace(shot_map, context=replace(context, photo=context.photo[:1, :1].copy())), png)
-
-    def unpack(self) -> _ShotMap:
-        context = self.shot_map.context
-        if context is None:
-            return self.shot_map
-        with Picture.open(io.BytesIO(self.png), formats=["PNG"]) as picture:
-            return replace(self.shot_map, context=replace(context, photo=np.asarray(picture)))
-
-
-@dataclass(frozen=True, eq=False)
-class _Kept:
-    """What later files show of the shots, by their numbers."""
-
-    maps: dict[int, _KeptMap] = field(default_factory=dict)
-    """For scenes."""
-    skies: dict[int, _ShotSky] = field(default_factory=dict)
-    """For the film."""
+        shot = self.shot
+        return self.light if shot.view is None else lighting_in_frame(shot, shot.view.index, self.light)
 
 
 RECORDS_FILE, PARTIAL_FILE, FILM_FILE, FRAMES_FOLDER = "lighting.jsonl", "lighting.jsonl.part", "preview.mp4", "frames"
@@ -489,11 +422,6 @@ class VideoJob:
     """By which the clip is coded; None: as its files say."""
 
 
-def _shot_map(number: int) -> str:
-    """The name of a shot's map; shots are counted from 1."""
-    return f"shot-{number}.exr"
-
-
 def process_video(job: VideoJob, model: Model, progress: Callable[[float], object] | None = None) -> VideoResult:
     """Process a clip and write all that the job asks for.
 
@@ -511,46 +439,43 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
         ParameterError: the user's time and place are of night.
         OSError: a file cannot be read or written.
     """
-    result, lights, kept = VideoResult(), list[FrameLight](), _Kept()
-    with Clip(job.source, curve=job.curve) as clip, _ViewReader(clip, model) as views:
+    result, lights, skies = VideoResult(), dict[int, FrameLight](), dict[int, _ShotSky]()
+    name, options, view = escape_undecodable(str(job.source)), job.options, job.options.view
+    with Clip(job.source, curve=job.curve) as clip:
         ClipMetadata.of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
-        with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:
-            for shot in analyze_shots(clip, model, job.user_input, job.every, progress):
+        lettered = replace(clip.form, overlay=None)
+        with (
+            (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines,
+            _read_frames(job.source, VIEW_SIDE, clip.form) as read_view,
+            _read_frames(job.source, MAX_PLATE_SIDE, lettered) as read_plate,
+        ):
+            for number, shot in enumerate(analyze_shots(clip, model, job.user_input, job.every, progress), 1):
                 result.shots.append(shot)
-                lights += _write_shot(job, shot, len(result.shots), lines, views, kept)
+                if isinstance(shot, VideoError):
+                    error = escape_undecodable(str(shot))
+                    lines.write(json.dumps({"file": name, "shot": number, "error": error}) + "\n")
+                    continue
+                shot_map = _map_shot(shot, clip, read_view, model, view)
+                harmonics = shot_map.compute_harmonics()
+                of_shot = list(frame_lights(shot_map.shot, number, view.adjustments, view.sun, harmonics))
+                lines.writelines(light.to_line(name) + "\n" for light in of_shot)
                 lines.flush()
-        result.damage, rate, form = clip.damage, clip.info.frame_rate, clip.form.lettered
+                lights |= {light.frame: light for light in of_shot}
+                shot_map.render_world().write(job.folder / f"shot-{number}.exr")
+                if options.frames_exr:
+                    _write_frame_maps(job, shot_map, of_shot)
+                if options.tool is not None and (plate := read_plate(int(shot.frames[0]))) is not None:
+                    with trace_step("encode"):
+                        result.scene_warnings[number] = _write_scene(job, number, shot_map, plate, clip)
+                if options.film and shot_map.context is not None:
+                    skies[number] = _ShotSky(shot_map.render_sky(FILM_MAP_HEIGHT), shot_map.heading)
+        result.damage = clip.damage
     (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
-    if job.options.tool is not None:
-        result.scene_warnings = _write_scenes(job, kept.maps, rate, form)
-    if job.options.film:
-        _write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM_FILE, kept.skies, form)
-    result.removed = _remove_old_maps(job, result, {light.frame for light in lights})
+    if options.film:
+        _write_film(job.source, lights, job.folder / FILM_FILE, skies, lettered)
+    result.removed = _remove_old_maps(job, result, set(lights))
     return result
-
-
-def _write_shot(
-    job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO, views: _ViewReader, kept: _Kept
-) -> list[FrameLight]:
-    """The lines and maps of one shot; what later files show of it is kept."""
-    name = escape_undecodable(str(job.source))
-    if isinstance(shot, VideoError):
-        lines.write(json.dumps({"file": name, "shot": number, "error": escape_undecodable(str(shot))}) + "\n")
-        return []
-    options, view = job.options, job.options.view
-    shot = replace(shot, view=None) if view.around == Around.PLAIN else shot
-    shot_map = _ShotMap(shot, views.read(shot, detail=view.around != Around.PHOTO), view)
-    lights = list(frame_lights(shot, number, view.adjustments, view.sun, shot_map.compute_harmonics()))
-    lines.writelines(light.to_line(name) + "\n" for light in lights)
-    shot_map.render_world().write(job.folder / _shot_map(number))
-    if options.frames_exr:
-        _write_frame_maps(job, shot_map, lights)
-    if options.tool is not None:
-        kept.maps[number] = _KeptMap.pack(shot_map)
-    if options.film and shot_map.context is not None:
-        kept.skies[number] = _ShotSky(shot_map.render_sky(FILM_MAP_HEIGHT), shot_map.heading)
-    return lights
 
 
 def _write_frame_maps(job: VideoJob, shot_map: _ShotMap, lights: Sequence[FrameLight]) -> None:
@@ -573,7 +498,7 @@ def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> tu
 
     Each says in its header that it is ours.
     """
-    shots = {_shot_map(number) for number, shot in enumerate(result.shots, 1) if isinstance(shot, Shot)}
+    shots = {f"shot-{number}.exr" for number, shot in enumerate(result.shots, 1) if isinstance(shot, Shot)}
     written = {f"{frame:06d}.exr" for frame in frames if job.options.frames_exr}
     named = [p for p in job.folder.glob("shot-*.exr") if _SHOT_MAP_NAME.fullmatch(p.name)]
     named += [p for p in (job.folder / FRAMES_FOLDER).glob("*.exr") if _FRAME_MAP_NAME.fullmatch(p.name)]
@@ -586,46 +511,31 @@ def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> tu
     return tuple(path.relative_to(job.folder).as_posix() for path in old)
 
 
-def _write_scenes(job: VideoJob, maps: dict[int, _KeptMap], rate: float, form: ClipForm) -> dict[int, tuple[str, ...]]:
-    """Write a scene a shot; their warnings by the shots' numbers."""
-    assert job.options.tool is not None
-    warnings = dict[int, tuple[str, ...]]()
-    first = {int(kept.shot_map.shot.frames[0]): number for number, kept in maps.items()}
-    shown = str(job.source) if form.framing.crop is None else ""  # with its border it would not lie behind the camera
-    with Clip(job.source, MAX_PLATE_SIDE, form=form) as clip:
-        for frame in clip.frames(first):
-            number = first[frame.index]
-            folder = job.folder / f"shot-{number}-{job.options.tool}"
-            shot_map = maps.pop(number).unpack()
-            with trace_step("encode"):
-                warnings[number] = _write_scene(shot_map, frame.pixels, job.options, folder, shown, rate)
-    return warnings
-
-
 def _write_scene(
-    shot_map: _ShotMap, plate: NDArray[np.uint8], options: OutputOptions, folder: Path, clip: str, frame_rate: float
+    job: VideoJob, number: int, shot_map: _ShotMap, plate: NDArray[np.uint8], clip: Clip
 ) -> tuple[str, ...]:
-    """Write a shot's scene to a folder, replacing a scene that is there; the scene's warnings.
+    """Write a shot's scene, replacing one that is there; the scene's warnings.
 
-    `plate` (h, w, 3) is the shot's first frame, `clip` the file's name; without it the plate stands. Raises SceneError
-    where it cannot be written, and for a tool whose cameras stand still.
+    `plate` (h, w, 3) is the shot's first frame. Raises SceneError where it cannot be written, and for a tool whose
+    cameras stand still.
     """
-    tool = options.tool
+    tool = job.options.tool
     animate = EXPORTERS[tool].animate if tool in EXPORTERS else None
     if tool is None or animate is None:
         raise SceneError(f"There is no scene with a moving camera for {tool!r}.", "tool", ErrorCode.UNKNOWN)
     height, width = plate.shape[:2]
-    shot, view = shot_map.shot, options.view
+    shot, view, folder = shot_map.shot, job.options.view, job.folder / f"shot-{number}-{tool}"
     scene = make_scene(Photo(plate, width, height, "PNG"), shot_map.light, map_height=view.height, sun=view.sun)
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
     if shot_map.context is not None:
         sky = rotate_envmap(shot_map.render_sky(view.height), shot_map.heading)
         scene = replace(scene, environment=sky)
     write_scene(scene, tool, folder, overwrite=True)
-    rate = frame_rate or 30.0
+    rate = clip.info.frame_rate or 30.0
+    behind = os.path.relpath(job.source, folder) if clip.form.crop is None else ""  # with a border it would lie askew
     matrices, focal_lengths = _camera_matrices(shot, scene), scene.focal_length * shot.zoom
     frames, first_frame = (shot.path.time - shot.path.time[0]) * rate, int(shot.frames[0])
-    motion = CameraMotion(matrices, focal_lengths, frames, rate, first_frame, clip and os.path.relpath(clip, folder))
+    motion = CameraMotion(matrices, focal_lengths, frames, rate, first_frame, behind)
     for name, text in animate(motion).items():
         write_file(folder / name, text.encode())
     return scene.warnings

@@ -3,6 +3,7 @@
 import os
 import socket
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,13 +12,14 @@ import av
 import cv2
 import numpy as np
 import pytest
+from av.video.reformatter import VideoReformatter
 from PIL import Image
 
 from lighting.color import DECODE_CURVES, Curve, luminance, srgb_decode, srgb_encode
 from lighting.errors import VideoError, WarningCode
 from lighting.video import decode
-from lighting.video.decode import Clip, ClipForm, _readable, _to_srgb, _upright_pixels, local_address
-from lighting.video.framing import looks_logarithmic
+from lighting.video.decode import Clip, _readable, _to_srgb, _upright_pixels, local_address
+from lighting.video.framing import ClipForm, looks_logarithmic
 from tests.helpers.clips import Pixels, look, pan, write_clip
 from tests.helpers.pages import ROOT
 
@@ -94,9 +96,7 @@ def test_few_pictures_are_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [(160, 90), (133, 75)])
 def test_planes_have_the_levels_of_packed_pixels(size: tuple[int, int]) -> None:
     frame = av.VideoFrame.from_ndarray(pan(1, 0.0)[0], format="rgb24").reformat(format="yuv420p")
-    planes, packed = (
-        decode._resize_picture(frame, *size, name, decode._picture_scaler()) for name in ("gbrp", "rgb24")
-    )
+    planes, packed = (decode._resize_picture(frame, *size, name, VideoReformatter()) for name in ("gbrp", "rgb24"))
     np.testing.assert_array_equal(planes, packed)
 
 
@@ -219,10 +219,10 @@ def test_damaged_times_shift_nothing_that_comes_after(
 ) -> None:
     """The times of a few pictures jump back and return, as one damaged byte of a Matroska file makes them."""
     with Clip(write_clip(tmp_path / "a.mkv", pan(12), times=[2 + i / 10 for i in range(12)])) as clip:
-        pictures = list(clip._decoded())
+        pictures = list(clip._pictures)
         for index in damaged:
             pictures[index].pts -= round(1.5 / pictures[index].time_base)
-        monkeypatch.setattr(clip, "_decoded", lambda: iter(pictures))
+        monkeypatch.setattr(clip, "_pictures", iter(pictures))
         times = [frame.time for frame in clip.frames()]
     assert times[-1] == pytest.approx(1.1, abs=0.01)
     assert max(np.diff(times)) < 0.2 + 0.1 * len(damaged)
@@ -372,6 +372,10 @@ def coded_by(frame: Any, curve: int, primaries: int) -> SimpleNamespace:
     return SimpleNamespace(color_trc=curve, color_primaries=primaries)
 
 
+def upright(frame: av.VideoFrame, coded: Any, side: int, stretch: float = 1.0) -> Pixels:
+    return _upright_pixels(frame, coded, side, stretch, ClipForm(), VideoReformatter())
+
+
 @pytest.mark.parametrize(("side", "off"), [(64, 1.1), (128, 2.1)])
 @pytest.mark.parametrize(("matrix", "weights"), [(1, BT709), (5, BT601)])
 @pytest.mark.parametrize("coded", CODED)
@@ -383,7 +387,7 @@ def test_colours_are_those_that_were_coded(
     for plane, value in zip(frame.planes, coded, strict=True):
         plane.update(bytes([value]) * (plane.line_size * plane.height))
     frame.colorspace, frame.color_range = matrix, 1
-    shown = _upright_pixels(frame, coded_by(frame, 1, 1), side)
+    shown = upright(frame, coded_by(frame, 1, 1), side)
     assert shown.shape == (side, side, 3)
     np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), decoded(coded, weights), atol=off)
 
@@ -394,7 +398,7 @@ def test_diffuse_white_of_hdr_is_white(curve: int, signal: float) -> None:
     for plane, value in zip(frame.planes, (round(64 + 876 * signal), 512, 512), strict=True):
         plane.update(np.full(plane.buffer_size // 2, value, np.uint16).tobytes())
     frame.colorspace, frame.color_range = 9, 1
-    assert _upright_pixels(frame, coded_by(frame, curve, 9), 64).min() >= 254
+    assert upright(frame, coded_by(frame, curve, 9), 64).min() >= 254
 
 
 @pytest.mark.parametrize(("side", "stretch"), [(64, 1.0), (128, 1.0), (128, 0.5)])
@@ -405,7 +409,7 @@ def test_colours_of_hdr_are_its_own_at_every_size(side: int, stretch: float) -> 
     frame.colorspace, frame.color_range = 9, 1
     signal = np.array(decoded((500 / 4, 560 / 4, 470 / 4), (0.2627, 0.0593))) / 255
     expected = _to_srgb(np.round(signal * 65280).astype(np.uint16), "hlg", 9)
-    shown = _upright_pixels(frame, coded_by(frame, 18, 9), side, stretch)
+    shown = upright(frame, coded_by(frame, 18, 9), side, stretch)
     np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), expected, atol=0.6)
 
 
@@ -589,12 +593,12 @@ def test_lettering_that_stands_still_is_left_out(tmp_path: Path, opacity: float)
     with Clip(path) as clip:
         frames = [frame.pixels for frame in clip.frames()]
         assert [warning.code for warning in clip.info.warnings] == [WarningCode.OVERLAY]
-        covered = clip.form.framing.overlay
+        covered = clip.form.overlay
     assert covered is not None
     letters = lettered(np.zeros((180, 320, 3), np.uint8))[..., 0] > 128
     assert np.mean(covered[letters]) > 0.6
     assert np.mean(letters[:, :200]) < np.mean(covered) < 8 * np.mean(letters)
-    with Clip(path, form=clip.form.lettered) as shown:
+    with Clip(path, form=replace(clip.form, overlay=None)) as shown:
         seen = [frame.pixels for frame in shown.frames()]
     change = np.abs(frames[0].astype(float) - seen[0]).mean(axis=2)
     assert change[letters].mean() > 20.0

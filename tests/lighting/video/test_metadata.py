@@ -398,12 +398,13 @@ def test_the_satellites_time_of_a_gopro_counts_from_the_clips_start(tmp_path: Pa
     ],
 )
 def test_djis_subtitles_name_the_curve(said: str, name: str | None, curve: str | None) -> None:
-    found = find_log_curve({}, [(0.0, f"[iso: 100] [color_md : {said}] [focal_len: 24.00]")], "")
-    assert (found.curve if found else None) == curve
-    assert found is None if name is None else found is not None and f"is in {name}, by its subtitles" in found.warning
-    if found is not None:
-        assert found.warning.code is WarningCode.CURVE
-        assert ("was undone" in found.warning) == (curve is not None)
+    found, warning = find_log_curve({}, [(0.0, f"[iso: 100] [color_md : {said}] [focal_len: 24.00]")], "")
+    assert found == curve
+    assert (warning is None) == (name is None)
+    if warning is not None:
+        assert f"is in {name}, by its subtitles" in warning
+        assert warning.code is WarningCode.CURVE
+        assert ("was undone" in warning) == (curve is not None)
 
 
 @pytest.mark.parametrize(
@@ -420,8 +421,7 @@ def test_djis_subtitles_name_the_curve(said: str, name: str | None, curve: str |
     ],
 )
 def test_xml_beside_a_clip_names_the_curve(xml: str, curve: str | None) -> None:
-    found = find_log_curve({}, [], xml)
-    assert (found and found.curve) == curve
+    assert find_log_curve({}, [], xml)[0] == curve
 
 
 @pytest.mark.parametrize(
@@ -436,8 +436,7 @@ def test_xml_beside_a_clip_names_the_curve(xml: str, curve: str | None) -> None:
     ],
 )
 def test_tags_of_a_clip_name_the_curve(tags: dict[str, str], curve: str | None) -> None:
-    found = find_log_curve(tags, [], "")
-    assert (found and found.curve) == curve
+    assert find_log_curve(tags, [], "")[0] == curve
 
 
 # Subtitles inside the clip.

@@ -35,7 +35,7 @@ from lighting.records import Lighting, LightProbe
 from lighting.video import output
 from lighting.video.decode import Clip
 from lighting.video.observation import estimate_frame
-from lighting.video.output import _draw_overlay, _fit_layout, _ViewReader
+from lighting.video.output import _draw_overlay, _fit_layout
 from lighting.video.shot import FrameLight
 from tests.conftest import LIT, write_network
 from tests.helpers.cameras import poles
@@ -482,7 +482,7 @@ def test_a_frame_that_was_kept_is_the_one_that_is_read_again(
     clip = write_clip(tmp_path / "cut.mp4", [*pan(24, 5.0), *pan(24, 5.0, seed=3)])
     options = ("--model", lit_network, "--height", 64, "--every", 0.1)
     with monkeypatch.context() as patches:
-        patches.setattr(_ViewReader, "_read_again", None)
+        patches.setattr(output, "_read_frames", lambda *_: nullcontext())
         assert run(clip, "-o", tmp_path / "kept", *options).exit_code == 0
     monkeypatch.setattr(Clip, "kept_pixels", lambda _clip, _index: None)
     assert run(clip, "-o", tmp_path / "again", *options).exit_code == 0
