@@ -29,7 +29,7 @@ from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.photo.timestamps import parse_time
 from lighting.stereo.camera_motion import check_static_camera, moved_names
 from lighting.stereo.light_vectors import Skies
-from lighting.stereo.planner import MAX_PROBE_GAP, day_maps, read_skies
+from lighting.stereo.planner import MAX_PROBE_GAP, probe_days, read_skies
 
 Pixels = NDArray[np.float32]
 
@@ -68,15 +68,11 @@ def _read_day_photo(path: Path, curve: Curve | None = None) -> _DayPhoto:
     if path.suffix.lower() != ".exr":
         return _read_photo(path, curve)
     try:
-        return _read_exr(path)
-    except (EnvironmentMapError, PhotoError) as error:
+        pixels = read_exr(path)[0]
+    except EnvironmentMapError as error:
         raise PhotoError(f"{path.name}: {error}") from error
-
-
-def _read_exr(path: Path) -> _DayPhoto:
-    pixels = read_exr(path)[0]
     if not np.isfinite(pixels).all():
-        raise PhotoError("The picture holds values that are not finite numbers.")
+        raise PhotoError(f"{path.name}: The picture holds values that are not finite numbers.")
     shape = pixels.shape[0], pixels.shape[1]
     return _DayPhoto(path.name, pixels, np.zeros(shape, dtype=bool), coded=False, shape=shape)
 
@@ -128,8 +124,10 @@ def _photo_times(
         clocks = [replace(m, latitude=user_input.latitude, longitude=user_input.longitude) for m in clocks]
     times, warnings = [], set[str]()
     for photo, clock, each in zip(photos, clocks, resolve_together(clocks, user_input), strict=True):
-        if (instant := each.likeliest) is None:
-            raise PhotoError(_no_time(photo.name, clock))
+        if (instant := each.likeliest) is None and clock.local_time is None:
+            raise PhotoError(f"{photo.name} does not say when it was taken; list the times in {_TIMES_FILE}.")
+        if instant is None:
+            raise PhotoError(f"The clock of {photo.name} does not say its offset from UTC; give --utc-offset.")
         times.append(instant.utc_time.replace(tzinfo=None))
         warnings |= {*each.warnings, *each.conflict_warnings(instant)}
     return np.array(times, dtype="datetime64[us]"), warnings
@@ -142,13 +140,6 @@ def _with_listed_time(metadata: PhotoMetadata, listed: datetime | None) -> Photo
     if listed.tzinfo is not None:
         return replace(metadata, local_time=None, utc_offset=None, gps_time=listed.astimezone(UTC))
     return replace(metadata, local_time=listed, utc_offset=None, gps_time=None)
-
-
-def _no_time(name: str, metadata: PhotoMetadata) -> str:
-    """Why a photo has no time."""
-    if metadata.local_time is None:
-        return f"{name} does not say when it was taken; list the times in {_TIMES_FILE}."
-    return f"The clock of {name} does not say its offset from UTC; give --utc-offset."
 
 
 def _listed_times(file: Path) -> dict[str, datetime]:
@@ -186,18 +177,16 @@ def read_nearest_skies(folder: Path, times: NDArray[np.datetime64], utc_offset: 
     Raises:
         EnvironmentMapError: a photo has no probe within half of MAX_PROBE_GAP.
     """
-    local = times + np.timedelta64(round(3600 * utc_offset), "s")
-    return read_skies([_nearest_probe(folder, time, utc_offset) for time in local])
-
-
-def _nearest_probe(folder: Path, time: np.datetime64, utc_offset: float) -> Path:
-    day = time.astype("datetime64[D]")
-    minutes = float((time - day) / np.timedelta64(1, "m"))
-    files = day_maps(folder, day.item(), utc_offset)
-    moment = min(files, key=lambda filed: abs(filed - minutes), default=None)
-    if moment is None or abs(moment - minutes) > MAX_PROBE_GAP / 2:
-        raise EnvironmentMapError(f"{folder} holds no sky probe within {MAX_PROBE_GAP / 2:g} minutes of {time.item()}.")
-    return files[moment]
+    days, nearest = probe_days(folder, utc_offset), []
+    for time in times + np.timedelta64(round(3600 * utc_offset), "s"):
+        day = time.astype("datetime64[D]")
+        minutes, files = float((time - day) / np.timedelta64(1, "m")), days.get(day.item(), {})
+        probe = min(files, key=lambda moment: abs(moment - minutes), default=math.inf)
+        if abs(probe - minutes) > MAX_PROBE_GAP / 2:
+            limit = f"{MAX_PROBE_GAP / 2:g} minutes of {time.item()}"
+            raise EnvironmentMapError(f"{folder} holds no sky probe within {limit}.")
+        nearest.append(files[probe])
+    return read_skies(nearest)
 
 
 # Whether photos differ in more than their light.
@@ -317,9 +306,8 @@ def read_day_photos(
     headings = (m.heading for m in metadata if m.heading_reference == HeadingReference.TRUE)
     heading = next((degrees for degrees in headings if degrees is not None), None)
     focal_length = next((length for photo in photos if (length := _focal_length(photo)) is not None), None)
-    moved = moved_names(gray, names)
-    day = (*_day_warnings(folder, names, images, unclipped), *_move_warnings(moved))
-    warnings = (*sorted(doubts), *_photo_warnings(photos, lost), *day)
+    varies, moved = _light_varies(images, unclipped), moved_names(gray, names)
+    warnings = (*sorted(doubts), *_day_warnings(folder, photos, lost, varies, moved))
     return DayPhotos(names, images, times, unclipped, location, heading, focal_length, warnings)
 
 
@@ -383,24 +371,21 @@ def _exclude_clipped(inside: NDArray[np.bool_], photos: list[_DayPhoto]) -> tupl
     return inside & ~clipped, lost_share
 
 
-def _photo_warnings(photos: list[_DayPhoto], lost: float) -> Iterator[str]:
+def _day_warnings(
+    folder: Path, photos: Sequence[_DayPhoto], lost: float, varies: bool, moved: Sequence[str]
+) -> Iterator[str]:
     if any(photo.coded for photo in photos):
         yield "JPEG and 8-bit photos count as sRGB: the camera's own curve bends normals."
     if any(photo.exposure.seconds is None for photo in photos):
         yield "Not every photo says its exposure; it is taken to be the same in all."
     if lost:
         yield f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out."
-
-
-def _move_warnings(moved: Sequence[str]) -> Iterator[str]:
+    names = {photo.name for photo in photos}
+    yield from (
+        f"{_TIMES_FILE} lists {n}, which is not there." for n in _listed_times(folder / _TIMES_FILE) if n not in names
+    )
+    if not varies:
+        yield "All brightens and darkens alike: unless the thing is flat, its normals are worthless."
     if moved:
         others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
         yield f"The camera moved before {moved[0]}{others}: edges get wrong normals."
-
-
-def _day_warnings(folder: Path, names: Sequence[str], images: Pixels, mask: NDArray[np.bool_]) -> Iterator[str]:
-    for name in _listed_times(folder / _TIMES_FILE):
-        if name not in names:
-            yield f"{_TIMES_FILE} lists {name}, which is not there."
-    if not _light_varies(images, mask):
-        yield "All brightens and darkens alike: unless the thing is flat, its normals are worthless."

@@ -19,28 +19,11 @@ _UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # rows and c
 _MIN_DETERMINANT = 1e-12  # least determinant of M^T M, of matrices scaled to unit mean diagonal
 
 
-def gram_matrix(matrix: ArrayLike) -> Floats:
-    """Return M^T M (..., 3, 3).
-
-    Args:
-        matrix: (..., T, 3) illumination matrices M.
-    """
-    m = np.asarray(matrix, dtype=np.float64)
-    return np.asarray(np.swapaxes(m, -1, -2) @ m)
-
-
-def invert_symmetric(grams: ArrayLike) -> Floats:
-    """Invert symmetric positive matrices; infinite on the diagonal where singular.
-
-    Args:
-        grams: (..., 3, 3).
-    """
-    g = np.asarray(grams, dtype=np.float64)
-    return _inverse(np.stack([g[..., row, column] for row, column in _UPPER_TRIANGLE], axis=-1))
-
-
 def _inverse(upper: Floats) -> Floats:
-    """The same of matrices given by their upper triangles (..., 6), by cofactors: a million take a second."""
+    """Inverses (..., 3, 3) of symmetric positive matrices by their upper triangles (..., 6).
+
+    They are infinite on the diagonal where singular. By cofactors a million take a second.
+    """
     scale = np.maximum((upper[..., 0] + upper[..., 3] + upper[..., 5]) / 3, np.finfo(np.float64).tiny)
     a, b, c, d, e, f = np.moveaxis(upper / scale[..., None], -1, 0)
     adjugate = [d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b]
@@ -52,15 +35,6 @@ def _inverse(upper: Floats) -> Floats:
         value = np.where(solvable, cofactor * factor, np.inf if row == column else 0.0)
         result[..., row, column] = result[..., column, row] = value
     return result
-
-
-def noise_gain(matrix: ArrayLike) -> Floats:
-    """Return the noise gain lambda_k (..., 3) of each axis.
-
-    Args:
-        matrix: (..., T, 3) illumination matrices.
-    """
-    return gain_from_inverse(invert_symmetric(gram_matrix(matrix)))
 
 
 def rotation_free_gain(matrix: ArrayLike) -> Floats:

@@ -64,11 +64,6 @@ def _encode_pictures(normals: NormalMap, pose: Pose) -> list[tuple[str, Image, F
     ]
 
 
-def _write_png16(target: Path, values: Floats) -> None:
-    """Write numbers (H, W, C), C 1 or 3, rounded and cut to 0 to 65535, as a PNG of 16 bits."""
-    write_file(target, encode_png(np.clip(np.round(values), 0, 65535).astype(np.uint16)))
-
-
 def _write_picture(target: Path, values: Image) -> None:
     """Write a picture (H, W, C), C 1 or 3, as 32-bit float EXR."""
     import OpenEXR
@@ -92,24 +87,15 @@ def _write_mesh(target: Path, vertices: Floats, normals: NormalMap) -> None:
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     faces = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, triangles
-    header = _ply_header(int(mask.sum()), len(faces))
-    write_file(target, header + _ply_vertices(vertices, normals) + faces.tobytes())
-
-
-def _ply_vertices(vertices: Floats, normals: NormalMap) -> bytes:
-    kinds = [("point", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 3)]
-    rows = np.empty(int(normals.mask.sum()), dtype=kinds)
-    rows["point"], rows["normal"] = vertices[normals.mask], normals.normal[normals.mask]
-    rows["colour"] = np.clip(np.round(normals.albedo[normals.mask] * 255), 0, 255)
-    return rows.tobytes()
-
-
-def _ply_header(points: int, faces: int) -> bytes:
+    rows = np.empty(int(mask.sum()), dtype=[("point", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 3)])
+    rows["point"], rows["normal"] = vertices[mask], normals.normal[mask]
+    rows["colour"] = np.clip(np.round(normals.albedo[mask] * 255), 0, 255)
     names = [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
     names += [f"property uchar {name}" for name in ("red", "green", "blue")]
-    lines = ["ply", "format binary_little_endian 1.0", f"comment {SOFTWARE}", f"element vertex {points}", *names]
-    lines += [f"element face {faces}", "property list uchar int vertex_indices", "end_header", ""]
-    return "\n".join(lines).encode("ascii")
+    lines = ["ply", "format binary_little_endian 1.0", f"comment {SOFTWARE}", f"element vertex {len(rows)}", *names]
+    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
+    header = "\n".join(lines).encode("ascii")
+    write_file(target, header + rows.tobytes() + faces.tobytes())
 
 
 # Depth from normals.
@@ -287,11 +273,21 @@ def estimate_normals(
         PhotoError: the photos cannot be used.
         ParameterError: location or heading are not known.
     """
-    folder, progress = Path(folder), progress or NormalsProgress()
-    stated = UserInput(utc_offset=options.utc_offset, latitude=options.latitude, longitude=options.longitude)
+    progress = progress or NormalsProgress()
     with trace_step("decode"):
-        photos = _read_photos(folder, options, stated, progress)
-    pose = Pose(_heading(photos, options), options.pitch, options.roll)
+        photos = read_day_photos(
+            Path(folder),
+            mask=options.mask,
+            user_input=UserInput(utc_offset=options.utc_offset, latitude=options.latitude, longitude=options.longitude),
+            curve=options.curve,
+            size=options.size,
+            progress=progress.photos,
+        )
+    heading = photos.heading if options.heading is None else options.heading
+    if heading is None:
+        sentence = "The photos do not say which way the camera looked; give --heading in degrees from north."
+        raise ParameterError(sentence, "heading", ErrorCode.MISSING)
+    pose = Pose(heading, options.pitch, options.roll)
     with trace_step("map"):
         skies, turbidity = _skies(photos, options, pose)
     _check_sun_moves(skies)
@@ -300,15 +296,21 @@ def estimate_normals(
         normals, doubts = _doubt_model(session, solve_normals(session, options.noise, network, progress.pixels))
     diagonal = float(np.hypot(*photos.mask.shape))  # pixels
     focal = None if photos.focal_length is None else photos.focal_length / FULL_FRAME_DIAGONAL * diagonal
-    record = _make_record(normals, photos.names) | {"times_utc": [str(time) for time in photos.times]}
-    record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
-    record |= {"sky": str(options.probes or "clear"), "turbidity": turbidity}
+    record: Json = {
+        "photos": list(photos.names),
+        "pixels": int(normals.mask.sum()),
+        "expected_error_median": round(float(np.median(normals.error[normals.mask])), 2),
+        "noise": round(normals.noise, 4),
+        "misfit": round(normals.median_misfit, 4),
+        "by_network": round(float(normals.network[normals.mask].mean()), 3),
+        "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
+        "times_utc": [str(time) for time in photos.times],
+        "sun_direction": skies.sun_direction.tolist(),
+        **asdict(pose),
+        "sky": str(options.probes or "clear"),
+        "turbidity": turbidity,
+    }
     return NormalsResult(normals, pose, focal, record, (*photos.warnings, *doubts))
-
-
-def _read_photos(folder: Path, options: NormalsOptions, user_input: UserInput, progress: NormalsProgress) -> DayPhotos:
-    size, mask, curve = options.size, options.mask, options.curve
-    return read_day_photos(folder, mask=mask, user_input=user_input, curve=curve, size=size, progress=progress.photos)
 
 
 def _doubt_model(session: Session, normals: NormalMap) -> tuple[NormalMap, tuple[str, ...]]:
@@ -319,13 +321,13 @@ def _doubt_model(session: Session, normals: NormalMap) -> tuple[NormalMap, tuple
     warnings = [
         f"The modelled light misses the photos by {100 * misfit:.1f} %: check heading, times, place and exposure."
     ]
-    other = find_other_heading(session)
-    if other.noise_ratio < _MAX_HEADING_RATIO:
+    heading, ratio, angle = find_other_heading(session)
+    if ratio < _MAX_HEADING_RATIO:
         warnings.append(
-            f"A heading of {other.heading:.0f}° explains the photos better than {session.pose.heading % 360:.0f}°: "
-            f"normals differ by {other.angle:.0f}°."
+            f"A heading of {heading:.0f}° explains the photos better than {session.pose.heading % 360:.0f}°: "
+            f"normals differ by {angle:.0f}°."
         )
-        normals = raise_error(normals, other.angle)
+        normals = raise_error(normals, angle)
     return normals, tuple(warnings)
 
 
@@ -336,18 +338,16 @@ def write_normals(folder: str | os.PathLike[str], result: NormalsResult) -> None
         folder: made where its parent is.
         result: of `estimate_normals`.
     """
+    folder = Path(folder)
     with trace_step("encode"):
-        _write_results(Path(folder), result)
-
-
-def _write_results(folder: Path, result: NormalsResult) -> None:
-    vertices = _surface_points(result)
-    folder.mkdir(exist_ok=True)
-    for name, plane, codes in _encode_pictures(result.map, result.pose):
-        _write_png16(folder / f"{name}.png", np.where(result.map.mask[..., None], codes, 0))
-        _write_picture(folder / f"{name}.exr", plane)
-    _write_mesh(folder / MESH_FILE, vertices, result.map)
-    write_file(folder / RECORD_FILE, (json.dumps(result.record, indent=2) + "\n").encode())
+        vertices = _surface_points(result)
+        folder.mkdir(exist_ok=True)
+        for name, plane, codes in _encode_pictures(result.map, result.pose):
+            numbers = np.where(result.map.mask[..., None], np.clip(np.round(codes), 0, 65535), 0)
+            write_file(folder / f"{name}.png", encode_png(numbers.astype(np.uint16)))
+            _write_picture(folder / f"{name}.exr", plane)
+        _write_mesh(folder / MESH_FILE, vertices, result.map)
+        write_file(folder / RECORD_FILE, (json.dumps(result.record, indent=2) + "\n").encode())
 
 
 def _surface_points(result: NormalsResult) -> Floats:
@@ -362,14 +362,6 @@ def _surface_points(result: NormalsResult) -> Floats:
     if result.focal is None:
         return np.stack(np.broadcast_arrays(right, up, depth), axis=-1)
     return np.stack([right * depth, up * depth, -result.focal * depth], axis=-1)
-
-
-def _heading(photos: DayPhotos, options: NormalsOptions) -> float:
-    heading = photos.heading if options.heading is None else options.heading
-    if heading is None:
-        sentence = "The photos do not say which way the camera looked; give --heading in degrees from north."
-        raise ParameterError(sentence, "heading", ErrorCode.MISSING)
-    return heading
 
 
 def _skies(photos: DayPhotos, options: NormalsOptions, pose: Pose) -> tuple[Skies, float | None]:
@@ -400,19 +392,6 @@ def _sun_directions(photos: DayPhotos, options: NormalsOptions) -> Floats:
         night = photos.names[int(np.argmin(suns[:, 1]))]
         raise PhotoError(f"The sun is below the horizon in {night}; check its time and place, or leave it out.")
     return suns
-
-
-def _make_record(normals: NormalMap, names: Sequence[str]) -> Json:
-    error = normals.error[normals.mask]
-    return {
-        "photos": list(names),
-        "pixels": int(normals.mask.sum()),
-        "expected_error_median": round(float(np.median(error)), 2),
-        "noise": round(normals.noise, 4),
-        "misfit": round(normals.median_misfit, 4),
-        "by_network": round(float(normals.network[normals.mask].mean()), 3),
-        "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
-    }
 
 
 def _check_sun_moves(skies: Skies) -> None:

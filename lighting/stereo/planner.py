@@ -57,10 +57,15 @@ from lighting.stereo.schedule import (
 MAX_PROBE_GAP = 20.0  # min between two probes that photos may be planned in
 
 
-def _probe_days(folder: Path, utc_offset: float = 0.0) -> dict[date, dict[float, Path]]:
-    """The maps of each day by minutes since midnight, both by a clock at `utc_offset` hours from UTC.
+def probe_days(folder: Path, utc_offset: float = 0.0) -> dict[date, dict[float, Path]]:
+    """List the maps of each day by minutes since midnight.
 
-    Folders without a time in their maps are named by that clock. Raises ProbeError where there is no probe.
+    Args:
+        folder: of probes, in the SkyDB's layout.
+        utc_offset: h, of the clock of days and minutes, and of the folders' names where the maps have no time.
+
+    Raises:
+        ProbeError: the folder has no probe.
     """
     zone = timezone(timedelta(hours=utc_offset))
     days: dict[date, dict[float, Path]] = {}
@@ -68,17 +73,6 @@ def _probe_days(folder: Path, utc_offset: float = 0.0) -> dict[date, dict[float,
         local = probe.time.astimezone(zone)
         days.setdefault(local.date(), {})[60.0 * local.hour + local.minute + local.second / 60] = probe.path
     return days
-
-
-def day_maps(folder: Path, day: date, utc_offset: float = 0.0) -> dict[float, Path]:
-    """List the maps of one day by minutes since midnight; none where the folder has none of that day.
-
-    Args:
-        folder: of probes, in the SkyDB's layout.
-        day: by the clock at `utc_offset`.
-        utc_offset: h, of that clock and of the folders' names where the maps have no time.
-    """
-    return _probe_days(folder, utc_offset).get(day, {})
 
 
 def _read_day(day: date, files: Mapping[float, Path]) -> SkyDay:
@@ -177,7 +171,7 @@ class MeasuredSkies:
             ProbeError: the folder has no probe.
             ParameterError: it has none of these days.
         """
-        days = _probe_days(self.folder, self.utc_offset)
+        days = probe_days(self.folder, self.utc_offset)
         first, last = self.first or min(days), self.last or self.first or max(days)
         days_between(first, last)
         chosen = {day: files for day, files in days.items() if first <= day <= last}

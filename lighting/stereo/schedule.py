@@ -9,7 +9,7 @@ error of the normal (noise_gain.py).
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import date, timedelta
 
 import numpy as np
@@ -140,14 +140,8 @@ class SurfaceOrientation:
 
     def to_dict(self) -> Json:
         """As JSON, null for what the light does not resolve."""
-        return {
-            "name": self.name,
-            "azimuth": self.azimuth,
-            "elevation": self.elevation,
-            "error": _round_finite(self.error),
-            "gain": _round_finite(self.gain),
-            "interval_95": [_round_finite(value) for value in self.interval_95],
-        }
+        numbers = {"error": _round_finite(self.error), "gain": _round_finite(self.gain)}
+        return asdict(self) | numbers | {"interval_95": [_round_finite(value) for value in self.interval_95]}
 
 
 @dataclass(frozen=True)
@@ -173,13 +167,10 @@ class Window:
 
     def to_dict(self) -> Json:
         """As JSON, times by the clock of the place."""
+        numbers = ("error", "gain", "rotation_free_gain")
         return {
-            "hours": self.hours,
-            "start": format_clock(self.start),
-            "end": format_clock(self.end),
-            "error": _round_finite(self.error),
-            "gain": _round_finite(self.gain),
-            "rotation_free_gain": _round_finite(self.rotation_free_gain),
+            **{"hours": self.hours, "start": format_clock(self.start), "end": format_clock(self.end)},
+            **{name: _round_finite(getattr(self, name)) for name in numbers},
             "orientations": [orientation.to_dict() for orientation in self.orientations],
         }
 
@@ -207,10 +198,6 @@ class _DayScore:
     errors: tuple[float, ...]
     """Deg, least of each length of HOURS, 90 where none fits."""
 
-    def to_dict(self) -> Json:
-        """As JSON."""
-        return {"date": self.day.isoformat(), "errors": [_round_finite(error) for error in self.errors]}
-
 
 @dataclass(frozen=True)
 class Plan:
@@ -229,14 +216,11 @@ class Plan:
 
     def to_dict(self) -> Json:
         """As JSON: angles in deg, times by the clock of the place, null for what the light does not resolve."""
-        question = self.question
         return {
             "date": self.day.isoformat(),
-            "facing": question.facing,
-            "shots": question.shots,
-            "noise": question.noise,
+            **asdict(self.question),
             "windows": [window.to_dict() for window in self.windows],
-            "days": [score.to_dict() for score in self.days],
+            "days": [{"date": s.day.isoformat(), "errors": [_round_finite(e) for e in s.errors]} for s in self.days],
         }
 
 
@@ -267,14 +251,6 @@ class _Windows:
         return len(self.start)
 
 
-@dataclass(frozen=True)
-class _WindowScores:
-    """Medians (W,) over orientations and draws of the clouds, per unit of the skies' radiance; inf where hopeless."""
-
-    angular_std: Floats  # of `angular_std`: expected turn of the normal [rad] per unit of noise
-    gain: Floats  # of lambda_max
-
-
 def list_windows(day: SkyDay, hours: float, shots: int) -> _Windows:
     """List the windows of one length that start on quarters of an hour and lie in light.
 
@@ -295,21 +271,25 @@ def _all_windows(day: SkyDay, shots: int, step: float) -> _Windows:
     return _windows_in_light(day, start[long], end[long], shots)
 
 
-def _score_windows(windows: _Windows, light: Floats, normals: Floats) -> _WindowScores:
+def _score_windows(windows: _Windows, light: Floats, normals: Floats) -> tuple[Floats, Floats]:
     """Score windows by what they are worth for normals.
 
     Args:
         windows: of one day.
         light: (N, V x T, 3) mean light vectors of that day.
         normals: (N, 3) unit vectors.
+
+    Returns:
+        Medians (W,) over normals and draws of the clouds, per unit of the skies' radiance, inf where hopeless: expected
+        turn of the normal [rad] per unit of noise, and lambda_max.
     """
     step = max(1, _CHUNK // (len(windows.moments) * len(normals)))
-    scores = _WindowScores(np.empty(len(windows)), np.empty(len(windows)))
+    std, gain = np.empty(len(windows)), np.empty(len(windows))
     for chunk in (slice(start, start + step) for start in range(0, len(windows), step)):
         inverses = window_gram_inverses(light, windows.moments[:, chunk])
-        scores.angular_std[chunk] = np.median(angular_std(inverses, normals[:, None, None]), axis=(0, 1))
-        scores.gain[chunk] = np.median(gain_from_inverse(inverses).max(axis=-1), axis=(0, 1))
-    return scores
+        std[chunk] = np.median(angular_std(inverses, normals[:, None, None]), axis=(0, 1))
+        gain[chunk] = np.median(gain_from_inverse(inverses).max(axis=-1), axis=(0, 1))
+    return std, gain
 
 
 def _windows_in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _Windows:
@@ -374,7 +354,7 @@ def make_plan(
     windows = tuple(_best_windows(best, light, normals, question, scale))
     step = _START_STEP if len(best.clouds) == 1 else 2 * _START_STEP
     listed = _all_windows(best, question.shots, step)
-    table = WindowTable(step, listed.start, listed.end, _score_windows(listed, light, normals).gain)
+    table = WindowTable(step, listed.start, listed.end, _score_windows(listed, light, normals)[1])
     return Plan(best.date, question, windows, scores, table)
 
 
@@ -397,7 +377,7 @@ def _summarize_day(day: date, read: _DayReader, question: PlanRequest, *, coarse
     normals = normals_of_interest(question.facing)
     light = day_light.light(normals)
     windows = [list_windows(day_light, hours, question.shots) for hours in HOURS]
-    angular_std = np.array([_score_windows(each, light, normals).angular_std.min(initial=np.inf) for each in windows])
+    angular_std = np.array([_score_windows(each, light, normals)[0].min(initial=np.inf) for each in windows])
     brightest = float(np.linalg.norm(light, axis=-1).max())  # the longest mean light vector
     objection = f"On {day} light is never there for an hour on end; photometric stereo needs that."
     return _DaySummary(angular_std, any(map(len, windows)), brightest, objection, None if coarse else day_light)
@@ -409,11 +389,11 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
         windows = list_windows(day, hours, question.shots)
         if not len(windows):
             continue
-        scores = _score_windows(windows, light, normals)
-        best = int(np.argmin(scores.angular_std))
+        stds, gains = _score_windows(windows, light, normals)
+        best = int(np.argmin(stds))
         moments = windows.moments[:, best]
-        start, end, gain = (float(each[best]) for each in (windows.start, windows.end, scores.gain))
-        error = float(angular_error(scores.angular_std[best], question.noise / 100))
+        start, end, gain = (float(each[best]) for each in (windows.start, windows.end, gains))
+        error = float(angular_error(stds[best], question.noise / 100))
         free_gain = float(np.median(rotation_free_gain(light[:, moments])))
         orientations = tuple(_predict_orientations(day, moments, question, scale))
         sphere = _sphere_gains(day, moments, question, scale)

@@ -71,8 +71,6 @@ class NormalMap:
     """(H, W), expected angle [deg] to the truth."""
     misfit: Image
     """(H, W), the residual that neighbours share, as a share of the brightest pixel; noise leaves none."""
-    residual: Image
-    """(H, W), what the model misses of the photos, as a share of the brightest pixel."""
     network: NDArray[np.bool_]
     """(H, W), where the network's normal was taken."""
     noise: float
@@ -125,12 +123,6 @@ def solve_with_planes(
     return _make_normal_map(mask, result, noise_std), features
 
 
-def _session_noise(session: Session) -> float:
-    """Standard deviation of what a session's skies leave unexplained, as a share of the brightest pixel."""
-    table = make_candidates(session.skies, session.pose, _COARSE_GRID_SIZE)
-    return _measure_noise(_relative_pixels(session), table, _MIN_SKY_NOISE)
-
-
 def _relative_pixels(session: Session) -> Image:
     """Brightnesses (P, T, C) in the mask, as shares of the brightest pixel."""
     pixels = np.ascontiguousarray(np.moveaxis(session.images, 0, -2)[session.mask])
@@ -156,9 +148,8 @@ def _measure_noise(pixels: Image, table: Candidates, least: float) -> float:
 def _make_normal_map(mask: NDArray[np.bool_], result: SearchResult, noise: float) -> NormalMap:
     albedo = result.albedo / max(float(np.quantile(result.albedo, 0.99)), 1e-9)
     misfit = _shared_residual(_fill_mask(mask, result.difference), mask)
-    planes = (result.normal, albedo.astype(np.float32), result.error, result.residual)
-    normal, albedo, error, residual = (_fill_mask(mask, plane) for plane in planes)
-    return NormalMap(mask, normal, albedo, error, misfit, residual, np.zeros(mask.shape, dtype=bool), noise)
+    normal, albedo, error = (_fill_mask(mask, plane) for plane in (result.normal, albedo, result.error))
+    return NormalMap(mask, normal, albedo, error, misfit, np.zeros(mask.shape, dtype=bool), noise)
 
 
 def _shared_residual(difference: Image, mask: NDArray[np.bool_]) -> Image:
@@ -216,23 +207,15 @@ def raise_error(normals: NormalMap, angle: ArrayLike) -> NormalMap:
     return replace(normals, error=error.astype(np.float32))
 
 
-@dataclass(frozen=True)
-class _OtherHeading:
-    """A heading that explains the photos better than the one that was told."""
-
-    heading: float
-    """Deg clockwise from true north."""
-    noise_ratio: float
-    """Of what it leaves unexplained to what the one that was told leaves, under 1."""
-    angle: float
-    """Deg, median between the normals of both."""
-
-
-def find_other_heading(session: Session) -> _OtherHeading:
+def find_other_heading(session: Session) -> tuple[float, float, float]:
     """Find the heading that explains the photos best among those _HEADING_STEP and more from the one that was told.
 
     Args:
         session: photos and their light.
+
+    Returns:
+        The heading, deg clockwise from true north. What it leaves unexplained, as a ratio to what the one that was told
+        leaves. The median angle, deg, between the normals of both.
     """
     pixels = _relative_pixels(session)
     pixels = pixels[:: max(1, len(pixels) // _NOISE_PIXELS)]
@@ -247,7 +230,7 @@ def find_other_heading(session: Session) -> _OtherHeading:
     best, heading = min(others, key=lambda other: float(np.median(other[0].residual)))
     ratio = float(np.median(best.residual)) / max(float(np.median(told.residual)), 1e-9)
     cosine = np.clip(np.sum(best.normal * told.normal, axis=1), -1, 1)
-    return _OtherHeading(heading, ratio, float(np.degrees(np.median(np.arccos(cosine)))))
+    return heading, ratio, float(np.degrees(np.median(np.arccos(cosine))))
 
 
 def _fill_mask(mask: NDArray[np.bool_], values: Image) -> Image:
@@ -281,7 +264,10 @@ def fit_turbidity(session_at: Callable[[float], Session]) -> float:
     Args:
         session_at: makes the session of a turbidity, 1 to 10.
     """
-    residual = np.array([_session_noise(session) for session in map(session_at, _TURBIDITIES)])
+    residual = np.empty(len(_TURBIDITIES))
+    for number, session in enumerate(map(session_at, _TURBIDITIES)):
+        table = make_candidates(session.skies, session.pose, _COARSE_GRID_SIZE)
+        residual[number] = _measure_noise(_relative_pixels(session), table, _MIN_SKY_NOISE)
     best = int(np.clip(residual.argmin(), 1, len(residual) - 2))
     nearby = slice(best - 1, best + 2)
     curve = np.polyfit(_TURBIDITIES[nearby], residual[nearby] ** 2, 2)

@@ -43,7 +43,7 @@ from lighting.geometry import Floats, direction
 from lighting.model import Model
 from lighting.photo.picture_checks import is_blank
 from lighting.photo.reader import Photo
-from lighting.prediction import Light, Prediction
+from lighting.prediction import Prediction
 from lighting.records import EvidenceKind
 from lighting.registration.features import Matches, import_opencv, resize_to
 from lighting.sun_grid import HEADINGS, grid_solid_angle
@@ -140,9 +140,11 @@ class DissolveDetector:
             self._mixed = []
         self._kept.append(compared)
         for lag in LAGS:
-            middle = len(self._kept) - 1 - lag
-            if middle >= lag and self._kept[middle].number % (lag // LAGS[0]) == 0:
-                self._compare(self._kept[middle - lag], self._kept[middle], compared)
+            if len(self._kept) <= 2 * lag or (middle := self._kept[-1 - lag]).number % (lag // LAGS[0]) != 0:
+                continue
+            is_other = bool(self._mixed) and middle.number > max(self._mixed) + _MAX_UNMIXED  # this one is told first
+            if not is_other and self._is_mixed(self._kept[-1 - 2 * lag].even, middle.even, compared.even):
+                self._mixed.append(middle.number)
         is_over = bool(self._mixed) and compared.number - max(self._mixed) > _MAX_UNMIXED + LAGS[-1]
         return self.finish() if is_over else None
 
@@ -162,11 +164,6 @@ class DissolveDetector:
         if last - first > _MAX_DISSOLVE_FRAMES or _match_frames(at(first - _CLEAR_FRAMES), at(last + _CLEAR_FRAMES)):
             return None
         return Dissolve(at(first).time, at(last).time)
-
-    def _compare(self, before: _ComparedFrame, middle: _ComparedFrame, after: _ComparedFrame) -> None:
-        is_other = bool(self._mixed) and middle.number > max(self._mixed) + _MAX_UNMIXED  # this dissolve is told first
-        if not is_other and self._is_mixed(before.even, middle.even, after.even):
-            self._mixed.append(middle.number)
 
     def _compared_frame(self, frame: Frame, number: int) -> _ComparedFrame:
         picture = resize_to(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
@@ -301,23 +298,20 @@ class _ClipObserver:
         self._vertical_fov = vertical_fov
         self._tracker, self._dissolves = PointTracker(), DissolveDetector()
         self._check_pending = False  # whether a new stretch is to be compared with what was before
-        self._steps: list[TrackedFrame] = []
-        self._keys: dict[int, Keyframe] = {}
-        self._estimates: dict[int, FrameEstimate] = {}
+        self._open = ShotObservations((0, 0), [], {}, {})  # of the frames that are not of a shot handed out
         self._rivals: dict[int, FrameEstimate] = {}  # for the shot's map, of the stretch that is being followed
-        self._size = (0, 0)
 
     def take(self, frame: Frame) -> Iterator[ShotObservations]:
         """Take a frame and hand out the shots that it shows to be over, as one of another size does."""
         size = (frame.pixels.shape[1], frame.pixels.shape[0])
-        if self._steps and size != self._size:
+        if size != self._open.size:
             yield from self.finish()
             self._keep(ShotObservations(size, [], {}, {}))
-        self._size, self._frame = size, frame
+        self._frame = frame
         step = self._tracker.follow(frame)
-        self._steps.append(step)
+        self._open.steps.append(step)
         if (key := self._tracker.new_key) is not None:
-            self._keys[key.number] = key
+            self._open.keys[key.number] = key
         if step.is_start:
             self._rivals = {}
         if step.is_start and step.frame > 0:  # where every frame begins a stretch, not every one is looked at
@@ -328,7 +322,7 @@ class _ClipObserver:
             yield from self._divide(dissolve)
         self._check_pending |= self._is_check_due(step.stretch)
         if self._check_pending and not self._dissolves.is_pending:
-            *over, rest = _split_shots(self._tracked())
+            *over, rest = _split_shots(self._open)
             yield from over
             self._keep(rest)
 
@@ -336,20 +330,15 @@ class _ClipObserver:
         """Hand out the shots that are left, once no frame comes any more."""
         if (dissolve := self._dissolves.finish()) is not None:
             yield from self._divide(dissolve)
-        if self._steps:
-            yield from _split_shots(self._tracked())
-
-    def _tracked(self) -> ShotObservations:
-        """What was gathered of the frames that are not of a shot handed out."""
-        return ShotObservations(self._size, self._steps, self._keys, self._estimates)
+        if self._open.steps:
+            yield from _split_shots(self._open)
 
     def _keep(self, rest: ShotObservations) -> None:
-        self._steps, self._keys, self._estimates = list(rest.steps), dict(rest.keys), dict(rest.estimates)
-        self._check_pending = False
+        self._open, self._check_pending = rest, False
 
     def _divide(self, dissolve: Dissolve) -> Iterator[ShotObservations]:
         """Hand out what is before a dissolve."""
-        *before, rest = _split_at_dissolve(self._tracked(), dissolve)
+        *before, rest = _split_at_dissolve(self._open, dissolve)
         for part in before:
             yield from _split_shots(part)
         self._keep(rest)
@@ -361,17 +350,15 @@ class _ClipObserver:
         if not (is_dark(frame.pixels) or is_blank(frame.pixels)):
             self._last_look = frame.time
             estimate = estimate_frame(self._model, frame.pixels, self._vertical_fov)
-            self._estimates[frame.index] = self._rivals[frame.index] = estimate
+            self._open.estimates[frame.index] = self._rivals[frame.index] = estimate
             self._due = frame.time + self._every - 1e-6
             if self._keep_picture is not None and choose_sharpest(self._rivals) == frame.index:
                 self._keep_picture(frame.index)
 
     def _is_check_due(self, stretch: int) -> bool:
         """Whether a new stretch has just become long enough to see if it is a new shot."""
-        if self._steps[0].stretch == stretch or len(self._steps) <= MIN_STRETCH_FRAMES:
-            return False
-        is_same = [step.stretch == stretch for step in self._steps[-MIN_STRETCH_FRAMES - 1 :]]
-        return all(is_same[1:]) and not is_same[0]
+        before, *recent = [step.stretch == stretch for step in self._open.steps[-MIN_STRETCH_FRAMES - 1 :]]
+        return len(recent) == MIN_STRETCH_FRAMES and all(recent) and not before
 
 
 def observe_shots(
@@ -418,31 +405,27 @@ def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = No
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
     with trace_step("network"):
         prediction = replace(model.predict_one(photo), segments=None)  # which nothing asks of most frames
-    estimate = _apply_colors(screen_prediction(prediction, pixels), pixels)
-    estimate = replace(estimate, sharpness=_measure_sharpness(pixels))
+    green = pixels[..., 1].astype(np.float32)
+    sharpness = float(np.abs(np.diff(green, axis=0)).mean() + np.abs(np.diff(green, axis=1)).mean())
+    estimate = _apply_colors(screen_prediction(prediction, pixels), pixels, sharpness)
     if vertical_fov is None:
         return estimate
-    by_lens = _apply_colors(screen_prediction(prediction, pixels, vertical_fov), pixels)
-    return replace(estimate, by_lens=replace(by_lens, sharpness=estimate.sharpness))
+    by_lens = _apply_colors(screen_prediction(prediction, pixels, vertical_fov), pixels, sharpness)
+    return replace(estimate, by_lens=by_lens)
 
 
-def _measure_sharpness(pixels: Pixels) -> float:
-    """The mean difference of neighboring greens of a frame (h, w, 3) sRGB, levels."""
-    green = pixels[..., 1].astype(np.float32)
-    return float(np.abs(np.diff(green, axis=0)).mean() + np.abs(np.diff(green, axis=1)).mean())
-
-
-def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:
+def _apply_colors(prediction: Prediction, pixels: Pixels, sharpness: float) -> FrameEstimate:
     """The estimate of a frame, in the colors that it shows."""
     if (light := prediction.light) is None:
-        return FrameEstimate(prediction)
+        return FrameEstimate(prediction, sharpness=sharpness)
     sun = sun_from_prediction(prediction)
     lighting = lighting_from_prediction(prediction, sun)
     samples = PhotoSamples.of_photo(pixels, lighting)
     if (tint := sky_white_balance(samples, lighting)) is not None:
         prediction = replace(prediction, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
         lighting = lighting_from_prediction(prediction, sun)
-    return FrameEstimate(prediction, estimate_ground_albedo(samples, lighting, light.surroundings))
+    ground = estimate_ground_albedo(samples, lighting, light.surroundings)
+    return FrameEstimate(prediction, ground, sharpness=sharpness)
 
 
 def is_dark(pixels: Pixels) -> bool:
@@ -617,14 +600,9 @@ def _averaged_numbers(observation: FrameObservation) -> Floats:
 
     Logarithms of turbidity, exposure and field of view, the visibility, then `light_to_vector`.
     """
-    p = observation.estimate.prediction
-    exposure = math.log(max(p.exposure, _EPSILON_DENSITY) / max(observation.gain, _EPSILON_DENSITY))
+    p, gain = observation.estimate.prediction, max(observation.gain, _EPSILON_DENSITY)
+    exposure = math.log(max(p.exposure, _EPSILON_DENSITY) / gain)
     numbers = [math.log(max(p.turbidity, _EPSILON_DENSITY)), exposure, math.log(p.vertical_fov), p.sun_visibility]
-    return np.concatenate([numbers, _unexposed_light(p.light, observation.gain) if p.light else []])
-
-
-def _unexposed_light(light: Light, gain: float) -> Floats:
-    """The light's numbers as the shot's first frame would show them."""
-    numbers = light_to_vector(light)
-    numbers[:6] -= math.log(max(gain, _EPSILON_DENSITY))
-    return numbers
+    light = light_to_vector(p.light) if p.light else np.zeros(0)
+    light[:6] -= math.log(gain)
+    return np.concatenate([numbers, light])

@@ -362,7 +362,7 @@ class ShotObservations:
 
     size: tuple[int, int]
     """Width and height of the frames, pixels."""
-    steps: Sequence[TrackedFrame]
+    steps: list[TrackedFrame]
     """One a frame."""
     keys: dict[int, Keyframe]
     """Keys, by number."""

@@ -21,9 +21,8 @@ from lighting.stereo.light_vectors import (
 )
 from lighting.stereo.noise_gain import (
     angular_std,
-    gram_matrix,
-    invert_symmetric,
-    noise_gain,
+    gain_from_inverse,
+    window_gram_inverses,
 )
 from lighting.stereo.schedule import Plan, PlanRequest, normals_of_interest
 
@@ -71,12 +70,12 @@ def spread_of_noise(day: SkyDay, hours: float, noise: float, draws: int) -> tupl
     noon = int(np.argmin(np.abs(window.start + 30 * hours - 720)))
     skies = day.skies.at(window.moments[0, noon])
     matrix = illumination_matrices(skies, normals)[..., 0]
-    resolved = noise * angular_std(invert_symmetric(gram_matrix(matrix)), normals) < 0.05
+    resolved = noise * angular_std(gram_inverses(matrix), normals) < 0.05
     normals, matrix = normals[resolved], matrix[resolved]
     estimate = _estimates(skies, normals, noise, draws, np.random.default_rng(5))
-    scatter = (estimate - normals).std(axis=0) / (noise * noise_gain(matrix))
+    scatter = (estimate - normals).std(axis=0) / (noise * gain_from_inverse(gram_inverses(matrix)))
     rotation = np.radians(_rms(angle_between(estimate, normals)))
-    expected = noise * angular_std(invert_symmetric(gram_matrix(matrix)), normals)
+    expected = noise * angular_std(gram_inverses(matrix), normals)
     return float(scatter.mean()), float((rotation / expected).mean())
 
 
@@ -133,9 +132,15 @@ def choice(planned: _PlannedCase, hours: int) -> tuple[float, float]:
 def _solve(matrix: Floats, bright: Floats) -> Floats:
     """Least squares (..., N, 3) of matrices (..., N, T, 3) and brightnesses (..., N, T)."""
     projected = np.einsum("...tk,...t->...k", matrix, bright)
-    inverses = invert_symmetric(gram_matrix(matrix))
+    inverses = gram_inverses(matrix)
     solvable = np.where(np.isfinite(inverses), inverses, 0.0)
     return np.asarray(np.einsum("...ij,...j->...i", solvable, projected))
+
+
+def gram_inverses(matrix: Floats) -> Floats:
+    """(M^T M)^-1 (..., 3, 3) of illumination matrices (..., T, 3)."""
+    flat = matrix.reshape(-1, *matrix.shape[-2:])
+    return window_gram_inverses(flat, np.arange(flat.shape[1])).reshape(*matrix.shape[:-2], 3, 3)
 
 
 def _rms(values: Floats) -> Floats:
@@ -148,4 +153,4 @@ def _scaled(skies: Skies, factor: float) -> Skies:
 
 def largest_gain(matrix: Floats) -> Floats:
     """The largest noise gain (...) of the three axes, by illumination matrices (..., T, 3)."""
-    return np.asarray(noise_gain(matrix).max(axis=-1))
+    return np.asarray(gain_from_inverse(gram_inverses(matrix)).max(axis=-1))

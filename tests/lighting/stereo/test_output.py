@@ -63,7 +63,7 @@ def result_of(mask: NDArray[np.bool_], albedo: NDArray[np.float32]) -> NormalsRe
     up = np.zeros((*mask.shape, 3), np.float32)
     up[mask, 2] = 1
     zero = np.zeros(mask.shape, np.float32)
-    return NormalsResult(NormalMap(mask, up, albedo, zero, zero, zero, np.zeros_like(mask), 0.01), Pose(), None, {})
+    return NormalsResult(NormalMap(mask, up, albedo, zero, zero, np.zeros_like(mask), 0.01), Pose(), None, {})
 
 
 @pytest.mark.parametrize("channels", [1, 3])

@@ -19,9 +19,9 @@ from lighting.stereo.planner import (
     ModelledSkies,
     _gain_colors,
     _read_day,
-    day_maps,
     format_angle_error,
     plan_conditions,
+    probe_days,
     read_skies,
 )
 from lighting.stereo.schedule import PlanRequest, SurfaceOrientation, format_clock
@@ -44,15 +44,15 @@ def fill(folder: Path, *names: str, height: int = 16) -> None:
 
 def test_the_brightest_spot_is_the_sun(tmp_path: Path) -> None:
     fill(tmp_path, "100000")
-    (sun,) = read_skies(list(day_maps(tmp_path, JUNE).values())).sun_direction
+    (sun,) = read_skies(list(probe_days(tmp_path)[JUNE].values())).sun_direction
     assert angle_between(sun, latlong_directions(16)[4, 16]) < 0.1
 
 
 def test_folders_are_days_by_a_clock(tmp_path: Path) -> None:
     fill(tmp_path, "100000", "103000")
-    assert sorted(day_maps(tmp_path, JUNE)) == [600, 630]
-    assert day_maps(tmp_path, date(2026, 6, 22)) == {}
-    day = _read_day(JUNE, day_maps(tmp_path, JUNE))
+    assert sorted(probe_days(tmp_path)[JUNE]) == [600, 630]
+    assert list(probe_days(tmp_path)) == [JUNE]
+    day = _read_day(JUNE, probe_days(tmp_path)[JUNE])
     assert day.minutes.tolist() == [600, 630]
     assert day.tolerance == MAX_PROBE_GAP / 2
     assert day.skies.radiance.max() < 1000  # the sun is out of the map
@@ -73,7 +73,7 @@ def test_one_probe_is_no_day_and_sizes_do_not_mix(tmp_path: Path) -> None:
     fill(tmp_path, "100000")
     fill(tmp_path, "110000", height=32)
     with pytest.raises(EnvironmentMapError, match="differ in size"):
-        read_skies(list(day_maps(tmp_path, JUNE).values()))
+        read_skies(list(probe_days(tmp_path)[JUNE].values()))
 
 
 def test_the_clock_is_the_longitudes_unless_told() -> None:

@@ -253,6 +253,6 @@ def test_all_windows_are_long_enough() -> None:
 def test_a_window_is_worth_the_gain_of_its_photos() -> None:
     day, normal = sun_alone(3.0), direction(20.0, 60.0)[None]
     windows, light = list_windows(day, 3.0, 6), day.light(normal)
-    found = _score_windows(windows, light, normal)
-    assert found.gain[0] == pytest.approx(float(largest_gain(light[0, windows.moments[0, 0]])))
-    assert found.angular_std[0] > 0
+    std, gain = _score_windows(windows, light, normal)
+    assert gain[0] == pytest.approx(float(largest_gain(light[0, windows.moments[0, 0]])))
+    assert std[0] > 0

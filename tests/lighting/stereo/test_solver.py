@@ -72,7 +72,7 @@ class Fixed:
 def test_a_network_is_believed_where_it_is_clearly_the_surer(error: float, taken: bool) -> None:
     mask = np.array([[True, False]])
     flat = np.zeros((1, 2), np.float32)
-    found = NormalMap(mask, np.zeros((1, 2, 3), np.float32), flat[..., None], flat + 10, flat, flat, ~mask & mask, 0.01)
+    found = NormalMap(mask, np.zeros((1, 2, 3), np.float32), flat[..., None], flat + 10, flat, ~mask & mask, 0.01)
     planes = NormalFeatures(np.zeros((3, 6, 1, 2), np.float32), np.zeros((15, 1, 2), np.float32))
     both = apply_network(found, cast("Network", Fixed(error)), planes)
     assert both.network.tolist() == [[taken, False]]
@@ -117,5 +117,5 @@ def test_photos_that_darken_without_a_word_raise_what_is_expected() -> None:
 def test_errors_add_as_independent_ones_do_and_end_at_a_right_angle() -> None:
     mask = np.array([[True, True, False]])
     flat = np.zeros((1, 3), np.float32)
-    found = NormalMap(mask, np.zeros((1, 3, 3), np.float32), flat[..., None], flat + 3, flat, flat, mask & ~mask, 0.01)
+    found = NormalMap(mask, np.zeros((1, 3, 3), np.float32), flat[..., None], flat + 3, flat, mask & ~mask, 0.01)
     assert raise_error(found, np.array([[4.0, 200.0, 4.0]])).error.tolist() == [[5.0, 90.0, 0.0]]
