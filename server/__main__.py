@@ -1,17 +1,17 @@
 """Start the service, `python -m server` or `lighting-server`: settings, socket, signals, logging."""
 
 import asyncio
+import logging
 import os
 import signal
 import socket
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
-from logging.config import dictConfig
 from types import FrameType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from lighting.errors import LightingError
 from lighting.runtime import keep_memory
@@ -113,15 +113,7 @@ def _prepare_process() -> None:
     keep_memory()
 
 
-def run_server() -> None:
-    """Serve until SIGTERM, SIGINT or SIGHUP, after which running requests have `shutdown_seconds` to finish."""
-    _prepare_process()
-    if sys.argv[1:]:
-        _refuse_arguments(sys.argv[1:])
-    _serve()
-
-
-def _refuse_arguments(arguments: Sequence[str]) -> NoReturn:
+def _read_arguments() -> None:
     """Print the help or the version; any other argument is wrong usage, status 2."""
     from server.settings import PREFIX, Settings
 
@@ -134,8 +126,7 @@ def _refuse_arguments(arguments: Sequence[str]) -> NoReturn:
         formatter_class=RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=__version__)
-    parser.parse_args(arguments)
-    parser.error("there are no other arguments; settings are read from the environment")
+    parser.parse_args()
 
 
 def _format_default(value: object) -> str:
@@ -143,8 +134,10 @@ def _format_default(value: object) -> str:
     return "" if value in (None, "", ()) else f" [{value}]"
 
 
-def _serve() -> None:
-    """Read the settings, load the network and serve."""
+def run_server() -> None:
+    """Serve until SIGTERM, SIGINT or SIGHUP, after which running requests have `shutdown_seconds` to finish."""
+    _prepare_process()
+    _read_arguments()
     from pydantic import ValidationError
 
     from lighting.files.exr import set_compression_threads
@@ -157,7 +150,7 @@ def _serve() -> None:
     with ExitStack() as sockets:
         try:
             settings = read_settings()
-            dictConfig(_logging_config(settings.log_level.upper()))
+            _configure_logging(settings.log_level.upper())
             listeners = [sockets.enter_context(one) for one in bind_listeners(settings.host, settings.port)]
             raise_file_limit()
             app = create_app(settings)
@@ -178,6 +171,7 @@ def _uvicorn_config(app: "FastAPI", service: "Service") -> "Config":
     """How uvicorn runs the app."""
     from uvicorn import Config
 
+    from server.connections import BoundedProtocol
     from server.limits import BACKLOG
 
     settings = service.settings
@@ -187,7 +181,7 @@ def _uvicorn_config(app: "FastAPI", service: "Service") -> "Config":
         port=settings.port,
         loop="asyncio",  # uvloop, where it is installed, would read without the bounds of BoundedProtocol
         workers=1,  # whatever WEB_CONCURRENCY says, which many hosts set: one process works on several photos
-        log_config=None,  # _serve has set it, since loading logs
+        log_config=None,  # run_server has set it, since loading logs
         access_log=False,
         server_header=False,
         proxy_headers=bool(settings.trusted_proxies),
@@ -196,7 +190,7 @@ def _uvicorn_config(app: "FastAPI", service: "Service") -> "Config":
         timeout_graceful_shutdown=settings.shutdown_seconds,
         backlog=BACKLOG,
         ws="none",
-        http=_protocol_class(service),
+        http=partial(BoundedProtocol, service=service),  # type: ignore[arg-type]  # which it calls alone
     )
 
 
@@ -206,34 +200,11 @@ def _format_setting_error(details: Mapping[str, Any]) -> str:
     return f"{'.'.join(map(str, details['loc'])).upper()}: {reason}"
 
 
-def _protocol_class(service: "Service") -> Any:
-    """The class of a connection, with its limits."""
-    from server.connections import BoundedProtocol
-
-    return partial(
-        BoundedProtocol,
-        head_seconds=service.settings.header_seconds,
-        answer_rate=service.settings.answer_rate,
-        pending=service.pending,
-        connections=service.connections,
-        is_proxy=service.settings.is_trusted_proxy,
-        model_name=lambda: service.model_name,
-    )
-
-
-def _logging_config(level: str) -> dict[str, Any]:
+def _configure_logging(level: str) -> None:
     """Log to stderr, one line per event."""
-    return {
-        "version": 1,
-        "disable_existing_loggers": False,
-        "formatters": {"line": {"format": "%(asctime)s %(levelname)s %(name)s: %(message)s"}},
-        "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
-        "loggers": {  # these warn about every malformed form and request, which have a line of their own
-            "python_multipart": {"level": "ERROR"},
-            "server.http": {"level": "ERROR"},
-        },
-        "root": {"level": level, "handlers": ["stderr"]},
-    }
+    logging.basicConfig(level=level, format="%(asctime)s %(levelname)s %(name)s: %(message)s", force=True)
+    for name in ("python_multipart", "server.http"):  # malformed forms and requests, which have a line of their own
+        logging.getLogger(name).setLevel(logging.ERROR)
 
 
 if __name__ == "__main__":

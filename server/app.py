@@ -1,14 +1,13 @@
 """The ASGI app, and its OpenAPI document at /openapi.json, which /docs shows: its words, its schemas, its examples."""
 
 import logging
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from threading import Lock
-from typing import Any
 
 from anyio import create_task_group, to_thread
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
-from fastapi.routing import APIRoute
+from fastapi.responses import JSONResponse
 
 from lighting.estimator import Estimator
 from lighting.fields import Json
@@ -18,12 +17,36 @@ from server import job_routes, middleware, pages, problems, routes
 from server.dependencies import Service, enforce_rate_limit, require_api_key
 from server.query_params import refuse_duplicates
 from server.request_body import FORM_TYPE, PHOTO_FIELD
-from server.responses import tagged_json_response
+from server.responses import tag_response
 from server.schemas import LightingRecord, Problem
 from server.settings import Settings, read_settings
 from server.tracing import NO_TELEMETRY
 
 log = logging.getLogger(__name__)
+
+
+class _DescribedApp(FastAPI):
+    """An app whose document has the schemas of bodies and errors, every problem, and how many photos a form takes."""
+
+    _lock = Lock()  # two threads that generate a document at a time disturb each other
+    _document: Json | None = None
+
+    def openapi(self) -> Json:
+        with self._lock:
+            self._document = self._document or self._describe()
+        return self._document
+
+    def _describe(self) -> Json:
+        document = super().openapi()
+        _add_schemas(document["components"]["schemas"])
+        document["components"]["examples"] = {
+            kind.name: {"summary": kind.title, "description": kind.meaning, "value": problems.problem_example(kind)}
+            for kind in problems.KINDS
+        }
+        _add_tags(document["paths"])
+        form = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
+        form["properties"][PHOTO_FIELD]["maxItems"] = self.state.service.settings.max_photos
+        return document
 
 
 def create_app(settings: Settings | None = None, estimator: Estimator | None = None) -> FastAPI:
@@ -38,7 +61,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
         MissingExtraError: traces are asked for, and OpenTelemetry is not installed.
     """
     service = Service(settings or read_settings(), estimator)
-    app = FastAPI(
+    app = _DescribedApp(
         title="Outdoor lighting",
         summary="Where the sun is, what the sky is like and how the camera is tilted, from one outdoor photo.",
         description=_DESCRIPTION,
@@ -51,30 +74,26 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
         redoc_url=None,
         redirect_slashes=False,  # to whatever the client calls its Host
         lifespan=_lifespan,
-        generate_unique_id_function=_operation_id,
+        exception_handlers=dict.fromkeys(problems.EXPECTED_ERRORS, problems.problem_response),
+        generate_unique_id_function=lambda route: route.name.removeprefix("_"),
         telemetry=service.tracer.telemetry(middleware.is_unmeasured) if service.tracer else NO_TELEMETRY,
     )
     app.state.service = service
-    problems.install_handlers(app)
     _add_routes(app, service)
     middleware.add_middleware(app, service)
-    _complete_document(app, service.settings)
     return app
 
 
 def _add_routes(app: FastAPI, service: Service) -> None:
-    guards: list[tuple[object, Callable[..., Any], tuple[int, ...]]] = [
-        (
-            service.rate_limiter or service.cpu_limiter,
-            enforce_rate_limit,
-            (429,),
-        ),  # first, so that keys cannot be guessed quickly
-        (service.keys, require_api_key, (401, 403)),
-    ]
-    active = [(guard, statuses) for enabled, guard, statuses in guards if enabled]
-    dependencies = [*(Depends(guard) for guard, _ in active), Depends(refuse_duplicates)]
-    statuses = [status for _, statuses in active for status in statuses]
-    responses = problems.problem_responses(400, 403, 421, 422, 431, *statuses)
+    dependencies, statuses = [], [400, 403, 421, 422, 431]
+    if service.rate_limiter or service.cpu_limiter:  # first, so that keys cannot be guessed quickly
+        dependencies.append(Depends(enforce_rate_limit))
+        statuses.append(429)
+    if service.keys:
+        dependencies.append(Depends(require_api_key))
+        statuses.append(401)
+    dependencies.append(Depends(refuse_duplicates))
+    responses = problems.problem_responses(*statuses)
     app.include_router(routes.router, dependencies=dependencies, responses=responses)
     app.include_router(job_routes.router, dependencies=dependencies, responses=responses)
     app.include_router(routes.operations_router)
@@ -110,10 +129,6 @@ async def _warm_up(app: FastAPI, service: Service) -> None:
         log.exception("The network cannot answer.")
 
 
-def _operation_id(route: APIRoute) -> str:
-    return route.name.removeprefix("_")
-
-
 _DESCRIPTION = """Send a photo taken outdoors by daylight; get its light as JSON, as an environment map or as a scene.
 
 ```sh
@@ -143,39 +158,7 @@ _router = APIRouter(include_in_schema=False)
 
 @_router.get("/openapi.json")
 async def _describe_api(request: Request) -> Response:
-    return tagged_json_response(request, request.app.openapi())
-
-
-def _complete_document(app: FastAPI, settings: Settings) -> None:
-    """Have the app's document hold the schemas of bodies and errors, every problem, and how many photos a form takes.
-
-    Args:
-        app: the app with its routes.
-        settings: the operator's.
-    """
-    generate, lock = app.openapi, Lock()
-    documents: list[Json] = []
-
-    def openapi() -> Json:
-        with lock:  # two threads that generate at a time disturb each other
-            if not documents:
-                document = generate()
-                _add_schemas(document["components"]["schemas"])
-                document["components"]["examples"] = {
-                    kind.name: {
-                        "summary": kind.title,
-                        "description": kind.meaning,
-                        "value": problems.problem_example(kind),
-                    }
-                    for kind in problems.KINDS
-                }
-                _add_tags(document["paths"])
-                form = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
-                form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
-                documents.append(document)
-        return documents[0]
-
-    app.openapi = openapi  # type: ignore[method-assign]
+    return tag_response(request, JSONResponse(request.app.openapi()))
 
 
 def _add_tags(paths: Json) -> None:

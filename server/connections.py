@@ -21,7 +21,8 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server import problems
-from server.limits import PLACE_BYTES, UNKNOWN, Client, ConnectionLimiter, PendingResponses, client_of_address
+from server.dependencies import Service
+from server.limits import PLACE_BYTES, UNKNOWN, Client, client_of_address
 from server.middleware import SECURITY_HEADERS
 from server.problems import ProblemKind
 from server.settings import PREFIX, SettingsError
@@ -157,34 +158,15 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
     """One connection, which limits how much it reads at once.
 
     Args:
-        head_seconds: time limit for a request's head, from its first byte or from connecting.
-        answer_rate: bytes per second at which a response must be taken, at least, after RESPONSE_GRACE.
-        pending: counts the bytes that wait for clients.
-        connections: counts the connections; None counts none.
-        is_proxy: whether an address is a proxy's, whose connections are many clients'.
-        model_name: the network's name for a header; empty without one.
+        service: its settings, and what counts its connections and the bytes that wait for clients.
     """
 
-    def __init__(
-        self,
-        *arguments: Any,
-        head_seconds: float,
-        answer_rate: int,
-        pending: PendingResponses,
-        connections: ConnectionLimiter | None = None,
-        is_proxy: Callable[[str], bool] = lambda _: False,
-        model_name: Callable[[], str] = lambda: "",
-        **more: Any,
-    ) -> None:
+    def __init__(self, *arguments: Any, service: Service, **more: Any) -> None:
         super().__init__(*arguments, **more)
         self.logger = http_log
         self.conn: _Connection = _Connection(h11.SERVER, MAX_HEADER_BYTES)
-        self._head_seconds = head_seconds
-        self._answer_rate = answer_rate
-        self._pending = pending
-        self._connections = connections or ConnectionLimiter(sys.maxsize, sys.maxsize)
-        self._is_proxy = is_proxy
-        self._model_name = model_name
+        self._service = service
+        self._connections = service.connections
         self._peer = UNKNOWN
         self._deadline: asyncio.TimerHandle | None = None  # of a head
         self._send_deadline: asyncio.TimerHandle | None = None  # of a response that its client does not take
@@ -202,7 +184,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         host = self.client[0] if self.client else ""
         self._peer = client_of_address(host)
         self.app_state = self.app_state | {"peer": host}  # which stays, whatever client a proxy names
-        self._from_proxy = self._is_proxy(host)
+        self._from_proxy = self._service.settings.is_trusted_proxy(host)
         if self._connections.open(self, None if self._from_proxy else self._peer):
             self._set_deadline()
         else:
@@ -309,7 +291,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def pause_writing(self) -> None:
         super().pause_writing()
-        self._pending.add(self, self._client())
+        self._service.pending.add(self, self._client())
         if self._answer is not self.cycle:
             self._answer = self.cycle
             self._answer_size, self._answer_began = self.unsent_bytes(), self.loop.time()
@@ -317,7 +299,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def resume_writing(self) -> None:
         super().resume_writing()
-        self._pending.discard(self)
+        self._service.pending.discard(self)
         if self._send_deadline is not None:
             self._send_deadline.cancel()
             self._send_deadline = None
@@ -345,7 +327,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
     def _set_send_deadline(self) -> None:
         """Set the time until which more of a response must be taken; abort a late connection."""
         taken = self._answer_size - self.unsent_bytes()
-        until = self._answer_began + RESPONSE_GRACE + taken / self._answer_rate
+        until = self._answer_began + RESPONSE_GRACE + taken / self._service.settings.answer_rate
         if until <= self.loop.time():
             access_log.info("dropped an answer that its client took too slowly")
             self.transport.abort()
@@ -359,7 +341,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self._is_working() or self.transport.is_closing():
             self._cancel_deadline()
         elif self._deadline is None:
-            self._deadline = self.loop.call_later(self._head_seconds, self._on_deadline)
+            self._deadline = self.loop.call_later(self._service.settings.header_seconds, self._on_deadline)
 
     def _is_working(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
@@ -372,7 +354,8 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
     def _on_deadline(self) -> None:
         """End the connection; answer 408 only if a head has begun or none came yet."""
         if self.conn.our_state is h11.IDLE and (self.cycle is None or self.conn.trailing_data[0]):
-            self._refuse(problems.TOO_SLOW, f"The headers did not arrive within {self._head_seconds:g} seconds.")
+            seconds = self._service.settings.header_seconds
+            self._refuse(problems.TOO_SLOW, f"The headers did not arrive within {seconds:g} seconds.")
         else:
             self.transport.close()
 
@@ -397,7 +380,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         body = problems.problem_json(kind, detail, request_id)
         headers = {"Content-Type": problems.MEDIA_TYPE, "Content-Length": str(len(body)), "Connection": "close"}
         headers |= {**SECURITY_HEADERS, "X-Request-ID": request_id}
-        if model_name := self._model_name():
+        if model_name := self._service.model_name:
             headers["Lighting-Model"] = model_name
         pairs = [(name.lower().encode(), value.encode()) for name, value in headers.items()]
         response = h11.Response(status_code=kind.status, headers=self.server_state.default_headers + pairs)

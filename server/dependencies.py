@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -37,7 +38,6 @@ from server.job_store import JobStore
 from server.jobs import JobRunner
 from server.limits import (
     ApiKeys,
-    BusyError,
     Client,
     ConnectionLimiter,
     PendingResponses,
@@ -49,7 +49,7 @@ from server.limits import (
     count_possible_connections,
 )
 from server.problems import ProblemError
-from server.request_body import JSON_TYPE, BodyLimits, RequestBody, Upload, announced_size, media_type, parse_record
+from server.request_body import JSON_TYPE, RequestBody, Upload, announced_size, media_type, parse_record
 from server.scheduling import WorkLimiter
 from server.settings import Settings
 from server.tracing import RequestTracer
@@ -64,24 +64,14 @@ class ServiceMetrics:
         self, limiter: WorkLimiter, uploads: UploadLimiter, pending: PendingResponses, connections: ConnectionLimiter
     ) -> None:
         self.registry = registry = CollectorRegistry()
-        self.requests = Counter(
-            "lighting_requests", "Requests answered.", ["method", "route", "status"], registry=registry
-        )
-        self.latency = Histogram(
-            "lighting_request_seconds",
-            "Time from a request's first byte to its answer's last.",
-            ["route"],
-            buckets=_LATENCIES,
-            registry=registry,
-        )
-        self.inference = Histogram(
-            "lighting_inference_seconds",
-            "Time to estimate the light of one request's photos.",
-            buckets=_LATENCIES,
-            registry=registry,
-        )
-        self.photo_bytes = Counter("lighting_photo_bytes", "Bytes of photos read.", registry=registry)
-        self.photo_pixels = Counter("lighting_photo_pixels", "Pixels of photos read.", registry=registry)
+        counter = partial(Counter, registry=registry)
+        histogram = partial(Histogram, buckets=_LATENCIES, registry=registry)
+        self.requests = counter("lighting_requests", "Requests answered.", ["method", "route", "status"])
+        meaning = "Time from a request's first byte to its answer's last."
+        self.latency = histogram("lighting_request_seconds", meaning, ["route"])
+        self.inference = histogram("lighting_inference_seconds", "Time to estimate the light of one request's photos.")
+        self.photo_bytes = counter("lighting_photo_bytes", "Bytes of photos read.")
+        self.photo_pixels = counter("lighting_photo_pixels", "Pixels of photos read.")
         self.model = Gauge("lighting_model_info", "The network that answers.", ["name", "version"], registry=registry)
         self._gauge("lighting_uploads", "Bodies that are arriving.", lambda: uploads.count)
         self._gauge("lighting_queue_depth", "Requests that wait.", lambda: limiter.waiting)
@@ -152,8 +142,8 @@ class Service:
     def __init__(self, settings: Settings, estimator: Estimator | None = None) -> None:
         self.settings = settings
         self.keys = ApiKeys(settings.all_keys())
-        self.rate_limiter = RateLimiter(settings.rate_limits)
-        self.cpu_limiter = RateLimiter(settings.cpu_limits)
+        self.rate_limiter = RateLimiter(settings.rate_limit)
+        self.cpu_limiter = RateLimiter(settings.cpu_limit)
         self.limiter = WorkLimiter(
             settings.workers,
             settings.queue,
@@ -219,15 +209,17 @@ class Service:
         """The folder of the network and its figures."""
         return (self.settings.model or packaged_model()).parent
 
-    def find_fault(self) -> Exception | None:
+    def find_fault(self) -> ProblemError | None:
         """Why a new client's photo would be refused with 503, or a job wait in vain; None if all is well."""
         if not self.ready:
             return ProblemError(problems.NOT_READY, "The network has not answered yet.")
         if self.ending:
-            return BusyError("The service shuts down.")
+            return ProblemError(problems.BUSY, "The service shuts down.")
         if self.limiter.full:
-            return BusyError()
-        return BusyError(f"Jobs stand still: {self.jobs.fault}.") if self.jobs and self.jobs.fault else None
+            return ProblemError(problems.BUSY)
+        if self.jobs and (fault := self.jobs.fault):
+            return ProblemError(problems.BUSY, f"Jobs stand still: {fault}.")
+        return None
 
     def identify_client(self, scope: Scope) -> Client:
         """Who asks: the holder of an API key of the service, else an address.
@@ -287,7 +279,7 @@ class Service:
         return matcher.add_warnings(estimates) if matcher else estimates
 
 
-class _Admission:
+class Admission:
     """A request that there is room for; it occupies a worker only once its body has arrived."""
 
     def __init__(self, request: Request, service: Service) -> None:
@@ -295,15 +287,13 @@ class _Admission:
         self.request = request
         self.service = service
         self.body = RequestBody(
-            request,
-            BodyLimits(limits.max_bytes, limits.upload_seconds, limits.upload_rate),
-            service.uploads.count_upload,
+            request, limits.max_bytes, limits.upload_seconds, limits.upload_rate, service.uploads.count_upload
         )
 
     async def run(self, work: Callable[..., _T], *arguments: Any) -> _T:
         """The result of work in a thread, as soon as one is free; it is dropped when the client disconnects.
 
-        Raises BusyError or ShareTakenError if the queue has filled meanwhile, or too many bytes wait for clients.
+        Raises ProblemError (429 or 503) if the queue has filled meanwhile, or too many bytes wait for clients.
         """
         client = client_of_request(self.request)
 
@@ -346,15 +336,15 @@ async def _get_service(request: Request) -> Service:  # not in FastAPI's threads
 ServiceDep = Annotated[Service, Depends(_get_service)]
 
 
-async def _admit(request: Request, service: ServiceDep) -> _Admission:
-    """Admit a request before its body is read; raises BusyError or ShareTakenError if there is no room."""
+async def _admit(request: Request, service: ServiceDep) -> Admission:
+    """Admit a request before its body is read; raises ProblemError (429 or 503) if there is no room."""
     client = client_of_request(request)
     service.limiter.check(client, _route(request), announced_size(request))
     service.pending.check(client)
-    return _Admission(request, service)
+    return Admission(request, service)
 
 
-AdmissionDep = Annotated[_Admission, Depends(_admit)]
+AdmissionDep = Annotated[Admission, Depends(_admit)]
 
 
 async def _read_photo_bytes(request: AdmissionDep) -> bytes:

@@ -1,7 +1,8 @@
 """The types of parameters and of record fields, each with unit, range and example in the OpenAPI document."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -75,7 +76,8 @@ class InRange(NotNull):
         if self.limits["minimum"] <= number <= self.limits["maximum"]:
             return number
         low, high = self.limits.values()
-        raise PydanticCustomError("range", f"must be a number from {low:g} to {high:g}", self.limits)
+        context = {**self.limits, "code": ErrorCode.OUT_OF_RANGE.value}
+        raise PydanticCustomError("range", f"must be a number from {low:g} to {high:g}", context)
 
 
 def parameter_range(name: str, meaning: str, example: float) -> InRange:
@@ -89,9 +91,31 @@ def parameter_range(name: str, meaning: str, example: float) -> InRange:
     return InRange(*(RANGES | OPTIONAL_RANGES)[name], description=meaning, examples=[example])
 
 
+def field_error(field: str | None, reason: str, code: ErrorCode = ErrorCode.CONTRADICTION) -> PydanticCustomError:
+    """An error that names its field, as a check of several fields together must.
+
+    Args:
+        field: the parameter at fault; None lets pydantic name it.
+        reason: a sentence for people.
+        code: the same for programs.
+    """
+    context = {"reason": reason, "code": code.value} | ({"field": field} if field else {})
+    return PydanticCustomError("parameter", "{reason}", context)
+
+
+@contextmanager
+def field_errors() -> Iterator[None]:
+    """Let a ParameterError of the block, or of a decorated function, become the error of a field."""
+    try:
+        yield
+    except ParameterError as error:
+        renamed = error.renamed(parameter_name)
+        raise field_error(renamed.field, str(renamed), renamed.code) from error
+
+
 def _check_even(number: int) -> int:
     if number % 2:
-        raise PydanticCustomError("even", "must be an even number")
+        raise field_error(None, "must be an even number", ErrorCode.OUT_OF_RANGE)
     return number
 
 
@@ -104,6 +128,7 @@ def _parse_flag(value: object) -> object:
     return value
 
 
+@field_errors()
 def _parse_sun_or_flag(value: object) -> object:
     """Accept `true`, `false` and a direction such as 40,25, which comes as a list of one text, or of two."""
     text = ",".join(map(str, value)) if isinstance(value, list) else value
@@ -120,7 +145,7 @@ Flag = Annotated[bool, BeforeValidator(_parse_flag)]
 FlagOrAuto = Annotated[bool | None, BeforeValidator(_parse_flag), NotNull()]
 SunOrFlag = Annotated[
     tuple[float, float] | bool | None,
-    BeforeValidator(lambda value: with_field_errors(_parse_sun_or_flag)(value)),
+    BeforeValidator(_parse_sun_or_flag),
     WithJsonSchema(
         {"type": "string", "pattern": r"^(true|false|-?[0-9.]+,-?[0-9.]+)$", "examples": ["40,25", "false"]}
     ),
@@ -148,19 +173,14 @@ def option_parameter(text: OptionText, default: object) -> tuple[Any, Any]:
     return (Annotated[float | None, limited] if default is None else Annotated[float, limited]), default
 
 
-SUN_AZIMUTH = parameter_range("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
-SUN_ELEVATION = parameter_range("sun_elevation", "deg above the horizon", 33.0)
-TURBIDITY = parameter_range("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)
-EXPOSURE = parameter_range("exposure", "factor from sky radiance to the photo's linear values", 5.0)
-CAMERA_ELEVATION = parameter_range("camera_elevation", "deg, positive looks up", 4.1)
-CAMERA_ROLL = parameter_range("camera_roll", "deg, positive turns the camera clockwise", -0.6)
-
-SunAzimuth = Annotated[float, SUN_AZIMUTH]
-SunElevation = Annotated[float, SUN_ELEVATION]
-Turbidity = Annotated[float, TURBIDITY]
-Exposure = Annotated[float, EXPOSURE]
-CameraElevation = Annotated[float, CAMERA_ELEVATION]
-CameraRoll = Annotated[float, CAMERA_ROLL]
+SunAzimuth = Annotated[
+    float, parameter_range("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
+]
+SunElevation = Annotated[float, parameter_range("sun_elevation", "deg above the horizon", 33.0)]
+Turbidity = Annotated[float, parameter_range("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)]
+Exposure = Annotated[float, parameter_range("exposure", "factor from sky radiance to the photo's linear values", 5.0)]
+CameraElevation = Annotated[float, parameter_range("camera_elevation", "deg, positive looks up", 4.1)]
+CameraRoll = Annotated[float, parameter_range("camera_roll", "deg, positive turns the camera clockwise", -0.6)]
 GroundAlbedo = Annotated[float, parameter_range("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
 VerticalFov = Annotated[float, parameter_range("vertical_fov", "deg, vertical field of view", 48.7)]
 SkyCover = Annotated[float, parameter_range("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
@@ -177,40 +197,13 @@ _CLOCK = r"[0-2][0-9]:[0-5][0-9](:[0-5][0-9])?"
 _OFFSET = r"[0-1][0-9]:[0-5][0-9]"
 
 
-def field_error(field: str | None, reason: str, code: ErrorCode = ErrorCode.CONTRADICTION) -> PydanticCustomError:
-    """An error that names its field, as a check of several fields together must.
-
-    Args:
-        field: the parameter at fault; None lets pydantic name it.
-        reason: a sentence for people.
-        code: the same for programs.
-    """
-    context = {"reason": reason, "code": code.value} | ({"field": field} if field else {})
-    return PydanticCustomError("parameter", "{reason}", context)
-
-
-def with_field_errors(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Wrap a reader so that its ParameterError becomes the error of a field.
-
-    Args:
-        read: parses a text.
-    """
-
-    def parsed(text: str) -> Any:
-        try:
-            return read(text)
-        except ParameterError as error:
-            renamed = error.renamed(parameter_name)
-            raise field_error(renamed.field, str(renamed), renamed.code) from error
-
-    return parsed
-
-
+@field_errors()
 def _parse_time(text: str) -> datetime:
     """Read a time; the plus sign of its offset may have become a space in the URL."""
     return parse_time(re.sub(r"(T\S+) (\d\d:?\d\d)$", r"\1+\2", text.strip()))
 
 
+@field_errors()
 def _check_headings(text: str) -> str:
     """Check the text and return it: pydantic would read a list from repeated parameters."""
     read_headings(text)
@@ -223,21 +216,22 @@ def _text_schema(pattern: str, example: str) -> WithJsonSchema:
 
 Time = Annotated[
     datetime | None,
-    BeforeValidator(with_field_errors(_parse_time)),
+    BeforeValidator(_parse_time),
     _text_schema(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T08:53"),
 ]
 Offset = Annotated[
     float | None,
-    BeforeValidator(with_field_errors(parse_utc_offset)),
+    BeforeValidator(field_errors()(parse_utc_offset)),
     _text_schema(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
 ]
 Headings = Annotated[
     str | None,
-    BeforeValidator(with_field_errors(_check_headings)),
+    BeforeValidator(_check_headings),
     _text_schema(r"-?[0-9]{1,3}([.][0-9]+)?(,-?[0-9]{1,3}([.][0-9]+)?)*", "0,45,90"),
 ]
 
 
+@field_errors()
 def _split_triple(text: Any) -> list[str] | None:
     """Split "0.9,0.8,0.7", which comes as a list of one text, or of three."""
     if text is None:
@@ -251,7 +245,7 @@ def _split_triple(text: Any) -> list[str] | None:
 
 _NUMBER = r"[0-9]+([.][0-9]+)?(e[+-]?[0-9]+)?"
 _AS_TEXT = (
-    BeforeValidator(with_field_errors(_split_triple)),
+    BeforeValidator(_split_triple),
     _text_schema(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"),
 )
 Irradiances = Annotated[tuple[Irradiance, Irradiance, Irradiance] | None, *_AS_TEXT]

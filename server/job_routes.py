@@ -1,8 +1,7 @@
 """Long jobs over HTTP: submit a clip or a ZIP of photos, ask how far it is, take the result, delete it."""
 
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from pathlib import PurePath
@@ -25,10 +24,10 @@ from server.field_types import InRange, NotNull, RegistryName, field_error
 from server.job_kinds import DISK_FULL, JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
 from server.job_store import JobState, StoredJob
 from server.jobs import JobRunner
-from server.limits import BusyError, client_of_request
+from server.limits import client_of_request
 from server.problems import ProblemError, problem_responses
 from server.query_params import AdjustQuery, MapQuery, PlaceQuery, UserInputQuery, refuse_parameters
-from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
+from server.request_body import BINARY_SCHEMA, FILE_TYPES, UPLOAD_FIELD, FormRoute, RequestBody, describe_body
 from server.responses import ZIP_TYPE, link_from
 from server.schemas import JobRecord
 
@@ -36,19 +35,7 @@ _UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
 _UPLOAD_PART = 2  # an upload may have this part of a job's bytes
 _POLL_SECONDS = "2"  # after which a client may ask again
 _SUFFIX = re.compile(r"\.[A-Za-z0-9]{1,5}")
-_BINARY = {"type": "string", "format": "binary"}
-_FORM = {
-    "type": "object",
-    "required": [UPLOAD_FIELD],
-    "properties": {UPLOAD_FIELD: {**_BINARY, "description": "the clip, or the ZIP of photos"}},
-    "additionalProperties": {"type": "string", "description": "any parameter of the URL, in the form instead"},
-}
-_UPLOAD_BODY = {
-    "requestBody": {
-        "required": True,
-        "content": {FORM_TYPE: {"schema": _FORM}, **{kind: {"schema": _BINARY} for kind in FILE_TYPES}},
-    }
-}
+_FILE_SCHEMA = {**BINARY_SCHEMA, "description": "the clip, or the ZIP of photos"}
 _OFF = "This service takes no jobs; its operator can turn them on by LIGHTING_JOBS_FOLDER."
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=FormRoute)
@@ -126,22 +113,16 @@ JobDep = Annotated[StoredJob, Depends(_find_job)]
 
 async def _receive_upload(request: Request, service: ServiceDep, jobs: JobsDep) -> Any:
     """The number of a new job, whose upload lies in its folder; all of it is gone if the request fails."""
-    limits = BodyLimits(jobs.max_bytes // _UPLOAD_PART, _UPLOAD_SECONDS, service.settings.upload_rate)
-    with _disk_errors():
+    limits = jobs.max_bytes // _UPLOAD_PART, _UPLOAD_SECONDS, service.settings.upload_rate
+    try:
         async with jobs.store.reserve_place(client_of_request(request)) as number:
             path = jobs.store.work_folder(number) / UPLOAD_STEM
-            name = await RequestBody(request, limits, service.uploads.count_upload).save(path)
+            name = await RequestBody(request, *limits, service.uploads.count_upload).save(path)
             suffix = PurePath(name).suffix
             yield number, path.rename(path.with_suffix(suffix if _SUFFIX.fullmatch(suffix) else ""))
-
-
-@contextmanager
-def _disk_errors() -> Iterator[None]:
-    """Say that the disk is full, where the system says so."""
-    try:
-        yield
     except OSError as error:
-        raise (BusyError("The disk for jobs is full.") if error.errno in DISK_FULL else error) from error
+        full = ProblemError(problems.BUSY, "The disk for jobs is full.")
+        raise (full if error.errno in DISK_FULL else error) from error
 
 
 UploadDep = Annotated[Any, Depends(_receive_upload)]
@@ -154,7 +135,7 @@ UploadDep = Annotated[Any, Depends(_receive_upload)]
     response_model=JobRecord,
     response_description="The job waits for its turn; ask at `Location` how far it is",
     responses=problem_responses(404, 408, 413, 415, 429, 500, 503),
-    openapi_extra=_UPLOAD_BODY,
+    openapi_extra=describe_body(UPLOAD_FIELD, _FILE_SCHEMA, FILE_TYPES),
 )
 async def _submit_job(
     request: Request, jobs: JobsDep, service: ServiceDep, upload: UploadDep, query: Annotated[_JobQuery, Query()]
@@ -189,7 +170,7 @@ async def _describe_job(request: Request, jobs: JobsDep, job: JobDep) -> JSONRes
     summary="The result of a job",
     response_class=Response,
     response_description="A ZIP of what the command line writes for this kind of job",
-    responses={200: {"content": {ZIP_TYPE: {"schema": _BINARY}}}, **problem_responses(404, 409, 500)},
+    responses={200: {"content": {ZIP_TYPE: {"schema": BINARY_SCHEMA}}}, **problem_responses(404, 409, 500)},
     dependencies=[Depends(refuse_parameters)],
 )
 async def _download_result(jobs: JobsDep, job: JobDep) -> Response:

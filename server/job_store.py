@@ -26,8 +26,10 @@ from pydantic import Field, TypeAdapter
 
 from lighting.errors import describe_error
 from lighting.fields import Json
+from server import problems
 from server.job_kinds import JOB_KINDS, RESULT_FILE, UPLOAD_STEM
-from server.limits import BusyError, Client, ShareTakenError, Tally
+from server.limits import Client, Tally
+from server.problems import ProblemError
 from server.settings import PREFIX, SettingsError
 
 _T = TypeVar("_T")
@@ -163,8 +165,7 @@ class JobStore:
             The number of the job, which nobody can guess.
 
         Raises:
-            ShareTakenError: this client has its share of the places.
-            BusyError: all places are taken.
+            ProblemError: 429, this client has its share of the places; 503, all are taken.
             OSError: the disk takes no more.
         """
         number = secrets.token_urlsafe(16)
@@ -206,13 +207,14 @@ class JobStore:
         if mine > max(1, self.places // _CLIENT_PARTS):
             failed = [job for job in failed if not set(job.client.groups).isdisjoint(client.groups)]
             if not failed:
-                raise ShareTakenError("This client has its share of the jobs; delete one that has ended.")
+                detail = "This client has its share of the jobs; delete one that has ended."
+                raise ProblemError(problems.SHARE_TAKEN, detail)
         elif len(jobs) < self.places:
             return None
         waiting = [j for j in reversed(jobs) if j.state is JobState.QUEUED and held.load(j.client) > mine]
         candidates = failed or [job for job in jobs if job.state is JobState.FINISHED] or waiting
         if not candidates:
-            raise BusyError("All places for jobs are taken.")
+            raise ProblemError(problems.BUSY, "All places for jobs are taken.")
         return max(candidates, key=lambda job: held.load(job.client))
 
     async def begin(self, job: StoredJob) -> StoredJob | None:

@@ -8,7 +8,7 @@ import logging
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -19,6 +19,9 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from limits import RateLimitItem
 from starlette.requests import HTTPConnection
+
+from server import problems
+from server.problems import ProblemError
 
 K = TypeVar("K")
 
@@ -57,25 +60,28 @@ def client_of_address(host: str) -> Client:
         One group for IPv4, also where IPv6 maps or translates it (NAT64); else of IPv6 the /64, /56 and /48 networks;
         UNKNOWN for what is no address.
     """
-    address = _parse_address(host)
+    address = parse_address(host.partition(":")[0] if host.count(":") == 1 else host)  # some proxies append the port
     if address is None:
         return UNKNOWN
+    if address in _NAT64:
+        address = IPv4Address(int(address) & 0xFFFFFFFF)
     if isinstance(address, IPv4Address) or address in _LOCAL_NAT64:
         return Client((str(address),))
     value = int(address)
     return Client(tuple(str(IPv6Network((value >> 128 - bits << 128 - bits, bits))) for bits in _PREFIXES))
 
 
-def _parse_address(host: str) -> IPv4Address | IPv6Address | None:
-    if host.count(":") == 1:  # some proxies append the port
-        host = host.partition(":")[0]
+def parse_address(host: str) -> IPv4Address | IPv6Address | None:
+    """The address in a text, of IPv4 also where IPv6 maps it; None where there is none.
+
+    Args:
+        host: of a connection or a header, without a port.
+    """
     try:
         address = ip_address(host)
     except ValueError:
         return None
-    if isinstance(address, IPv4Address):
-        return address
-    return IPv4Address(int(address) & 0xFFFFFFFF) if address in _NAT64 else address.ipv4_mapped or address
+    return getattr(address, "ipv4_mapped", None) or address
 
 
 def client_of_key(number: int) -> Client:
@@ -95,6 +101,19 @@ def client_of_request(request: HTTPConnection) -> Client:
     """
     client: Client = request.scope.get("lighting_client", UNKNOWN)
     return client
+
+
+def load_of_shares(sums: Mapping[str, float], client: Client, more: float, part: float = 1.0) -> float:
+    """A client's sum, or, where that is more, a larger group's, divided by that group's share.
+
+    Args:
+        sums: by group.
+        client: any.
+        more: to be counted in addition.
+        part: of each sum that counts, 0 to 1.
+    """
+    groups = zip(client.groups, GROUP_SHARES, strict=False)
+    return max((sums.get(group, 0.0) * part + more) / share for group, share in groups)
 
 
 class Tally:
@@ -122,11 +141,7 @@ class Tally:
             client: any.
             more: to be counted in addition.
         """
-        sums = self._sums
-        load = sums.get(client.groups[0], 0.0) + more
-        for group, share in zip(client.groups[1:], GROUP_SHARES[1:], strict=False):
-            load = max(load, (sums.get(group, 0.0) + more) / share)
-        return load
+        return load_of_shares(self._sums, client, more)
 
     def __len__(self) -> int:
         return len(self._clients)
@@ -170,7 +185,7 @@ class RateLimiter:
 
     _PARTS = 60  # of a window, each with one sum
 
-    def __init__(self, limits: list[RateLimitItem], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, limits: Sequence[RateLimitItem], clock: Callable[[], float] = time.monotonic) -> None:
         self.limits = limits
         self._clock = clock
         self._sums: dict[tuple[int, str], deque[tuple[int, float]]] = {}  # by limit and group: part, and sum
@@ -209,18 +224,14 @@ class RateLimiter:
         oldest = self._part(limit) - self._PARTS
         sums = [entry for entry in self._sums.get((number, group), ()) if entry[0] > oldest]
         excess = sum(amount for _, amount in sums) - limit.amount * share
-        last = None
+        wait = 0
         for part, amount in sums:
             if excess < 0:
                 break
             excess -= amount
-            last = part
-        return 0 if last is None else self._seconds_until(limit, last)
-
-    def _seconds_until(self, limit: RateLimitItem, part: int) -> int:
-        """Seconds until a part leaves the window, rounded up."""
-        length = limit.get_expiry() / self._PARTS
-        return max(1, ceil((part + self._PARTS) * length - self._clock()))
+            length = limit.get_expiry() / self._PARTS
+            wait = max(1, ceil((part + self._PARTS) * length - self._clock()))
+        return wait
 
     def _part(self, limit: RateLimitItem) -> int:
         return int(self._clock() / limit.get_expiry() * self._PARTS)
@@ -234,21 +245,6 @@ class RateLimiter:
                 first = self._part(limit) - self._PARTS
                 for key in [k for k, sums in self._sums.items() if k[0] == number and sums[-1][0] <= first]:
                     del self._sums[key]
-
-
-class BusyError(Exception):
-    """There is no room for a request now; the message names the limit."""
-
-    def __init__(self, message: str = "All workers are busy and the queue is full.") -> None:
-        super().__init__(message)
-
-
-class ShareTakenError(Exception):
-    """One client has its share of the service; the message says of what."""
-
-
-class TooManyUploadsError(Exception):
-    """One client sends more bodies at once than it may."""
 
 
 @dataclass(eq=False)
@@ -290,15 +286,15 @@ class UploadLimiter:
             body: of which PLACE_BYTES have come.
 
         Raises:
-            TooManyUploadsError: its client has as many places as it may.
-            BusyError: all places are taken, by faster ones.
+            ProblemError: 429, its client has as many places as it may; 503, all are taken, by faster ones.
         """
         if self._held.load(body.client, 1) > self.max_per_client:
-            raise TooManyUploadsError
+            raise ProblemError(problems.TOO_MANY_UPLOADS)
         if self.count >= self.max_uploads:
             slowest = min((body, *self._bodies), key=ArrivingBody.rate)
             if slowest is body:
-                raise BusyError("As many bodies are arriving as the service takes at once, and all come faster.")
+                detail = "As many bodies are arriving as the service takes at once, and all come faster."
+                raise ProblemError(problems.BUSY, detail)
             self._discard(slowest)
             slowest.give_way()
         self._bodies.add(body)
@@ -362,7 +358,7 @@ class PendingResponses:
             client: who would get it.
 
         Raises:
-            ShareTakenError: _UNSENT_SHARE of the bytes wait for this client.
+            ProblemError: 429, _UNSENT_SHARE of the bytes wait for this client.
         """
         if not self._waiting:
             return
@@ -370,7 +366,8 @@ class PendingResponses:
         for answer, owner in self._waiting.items():
             sizes.add(owner, answer.unsent_bytes())
         if sizes.load(client) >= _UNSENT_SHARE * self.max_bytes:
-            raise ShareTakenError("Many bytes of answers wait for this client to take them.")
+            detail = "Many bytes of answers wait for this client to take them."
+            raise ProblemError(problems.SHARE_TAKEN, detail)
         while self._waiting and self.size >= self.max_bytes:
             slowest = max(self._waiting, key=lambda answer: answer.seconds_left())
             self.discard(slowest)

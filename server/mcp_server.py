@@ -67,6 +67,8 @@ _TOOL_OPTIONS = "; ".join(
     for name, option in entry.options.items()
     if option.choices
 )
+_Context = Context[Any, Any]
+_NOTHING_KNOWN, _DEFAULT_PREVIEW = UserInputQuery(), PreviewQuery()
 _T = TypeVar("_T")
 
 
@@ -163,7 +165,7 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
     )
     one_at_a_time = anyio.Lock()  # each photo takes hundreds of megabytes
 
-    async def work(ctx: Context[Any, Any], photo: str, known: UserInputQuery, make: Callable[[Estimate], _T]) -> _T:
+    async def work(ctx: _Context, photo: str, known: UserInputQuery, make: Callable[[Estimate], _T]) -> _T:
         """Estimate the light of a photo, and make something of it."""
         path = allowed.find(photo)
         async with one_at_a_time:
@@ -178,28 +180,20 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
 
     @server.tool(annotations=_READS)
     async def estimate_light(
-        ctx: Context[Any, Any],
-        photo: _Photo,
-        known: UserInputQuery = UserInputQuery(),  # noqa: B008  # frozen
+        ctx: _Context, photo: _Photo, known: UserInputQuery = _NOTHING_KNOWN
     ) -> Annotated[CallToolResult, LightingRecord]:
         """Estimate sun, sky, ground and camera of one outdoor photo. The record's fields have units and ranges."""
         return await work(ctx, photo, known, lambda estimate: _answer(_record(estimate.lighting)))
 
     @server.tool(annotations=_READS)
     async def explain_answer(
-        ctx: Context[Any, Any],
-        photo: _Photo,
-        known: UserInputQuery = UserInputQuery(),  # noqa: B008  # frozen
+        ctx: _Context, photo: _Photo, known: UserInputQuery = _NOTHING_KNOWN
     ) -> Annotated[CallToolResult, Explanation]:
         """Say how far to trust the estimate of a photo, where else the sun may be, and what would help."""
         return await work(ctx, photo, known, lambda estimate: _answer(explain_estimate(estimate)))
 
     @server.tool(annotations=_READS, structured_output=False)
-    async def draw_preview(
-        ctx: Context[Any, Any],
-        photo: _Photo,
-        options: PreviewQuery = PreviewQuery(),  # noqa: B008  # frozen
-    ) -> Image:
+    async def draw_preview(ctx: _Context, photo: _Photo, options: PreviewQuery = _DEFAULT_PREVIEW) -> Image:
         """Draw a photo, where its sun may be, its environment map, and three balls in its light."""
 
         def draw(estimate: Estimate) -> Image:
@@ -210,7 +204,7 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
 
     @server.tool(annotations=_WRITES)
     async def write_environment_map(
-        ctx: Context[Any, Any],
+        ctx: _Context,
         photo: _Photo,
         output: Annotated[str, Field(description="path of the map; ends in .exr, .hdr or .png")],
         options: _MapToolQuery = _MapToolQuery(),  # noqa: B008  # frozen
@@ -236,7 +230,7 @@ def make_server(allowed: AllowedFolders) -> MCPServer[Any]:
 
     @server.tool(annotations=_WRITES)
     async def write_scene(
-        ctx: Context[Any, Any],
+        ctx: _Context,
         photo: _Photo,
         tool: Annotated[str, Field(description="that opens the scene", json_schema_extra={"enum": list(EXPORTERS)})],
         folder: Annotated[str, Field(description="path of the scene's folder: new or empty unless `overwrite`")],
@@ -274,21 +268,21 @@ def explain_estimate(estimate: Estimate) -> Explanation:
         estimate: of a photo.
     """
     light = estimate.lighting
-    reasons = [f"The sun shines on the scene with a probability of {light.sun_visibility:.2f}."]
-    reasons.append(f"It lies within {light.radius_90:.0f} deg of the answer with a probability of 0.9.")
-    unsuitable = light.suitable is not None and light.suitable < MIN_SUITABLE
-    if unsuitable:
+    reasons = [
+        f"The sun shines on the scene with a probability of {light.sun_visibility:.2f}.",
+        f"It lies within {light.radius_90:.0f} deg of the answer with a probability of 0.9.",
+    ]
+    would_help = [text for kind, text in _HELP.items() if kind.value not in light.evidence]
+    if light.suitable is not None and light.suitable < MIN_SUITABLE:
         reasons.insert(0, "This is probably no photo of outdoors by daylight: use nothing of the answer.")
-    missing = [text for kind, text in _HELP.items() if kind.value not in light.evidence]
+        would_help = ["another photo, of outdoors by daylight"]
+    elif light.radius_90 <= SURE_RADIUS:
+        would_help = []
     return Explanation(
         trust=light.trust,
         reasons=reasons,
         candidates=[LightingRecord.SunPart.CandidatePart(**asdict(sun)) for sun in light.sun_candidates],
-        would_help=["another photo, of outdoors by daylight"]
-        if unsuitable
-        else []
-        if light.radius_90 <= SURE_RADIUS
-        else missing,
+        would_help=would_help,
         evidence=list(light.evidence),
         warnings=list(light.warnings),
     )

@@ -5,8 +5,7 @@ import logging
 import re
 import secrets
 import time
-from collections.abc import Sequence
-from ipaddress import ip_address
+from abc import ABC, abstractmethod
 from urllib.parse import urlsplit
 
 from anyio import move_on_after
@@ -17,7 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
 from server.dependencies import Service
-from server.limits import BusyError
+from server.limits import parse_address
 from server.problems import ProblemError, route_path
 from server.responses import WARNINGS_HEADER
 from server.settings import Settings
@@ -68,32 +67,45 @@ def add_middleware(app: FastAPI, service: Service) -> None:
             expose_headers=_EXPOSED_HEADERS,
         )
     app.add_middleware(_BrowserGuardMiddleware, settings=service.settings)
-    app.add_middleware(_SecurityHeadersMiddleware, frame_origins=service.settings.frame_origins)
     app.add_middleware(_AccessLogMiddleware, service=service)
     app.add_middleware(DrainBodyMiddleware)
     app.add_middleware(SliceMiddleware)
 
 
-class _Middleware:
-    """What lies around an ASGI app."""
+class _Middleware(ABC):
+    """What lies around an ASGI app where it handles requests."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
 
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        handle = self._handle if scope["type"] == "http" else self.app
+        await handle(scope, receive, send)
+
+    @abstractmethod
+    async def _handle(self, scope: Scope, receive: Receive, send: Send) -> None: ...
+
 
 class _AccessLogMiddleware(_Middleware):
-    """Gives each request an id, counts and logs it.
+    """Gives each request an id and its answer the headers of all answers, counts and logs it.
 
     The log holds its route and the name of its problem, never its query, body or file names.
+
+    Args:
+        app: the ASGI app inside.
+        service: its network, metrics, and the origins whose pages may show an answer in a frame.
     """
 
     def __init__(self, app: ASGIApp, service: Service) -> None:
         super().__init__(app)
         self.service = service
+        self._headers = dict(SECURITY_HEADERS)
+        if origins := service.settings.frame_origins:
+            del self._headers["X-Frame-Options"]  # which can name no origin
+            policy = _CONTENT_SECURITY_POLICY.replace(_NO_FRAMES, f"frame-ancestors {' '.join(origins)}")
+            self._headers["Content-Security-Policy"] = policy
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            return await self.app(scope, receive, send)
+    async def _handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         start = time.perf_counter()
         request_id = scope["request_id"] = _request_id(Headers(scope=scope))
         scope["lighting_client"] = self.service.identify_client(scope)
@@ -104,6 +116,7 @@ class _AccessLogMiddleware(_Middleware):
             if message["type"] == "http.response.start":
                 status = message["status"]
                 headers = MutableHeaders(scope=message)
+                headers.update(self._headers)
                 headers["X-Request-ID"] = request_id
                 if self.service.model_name:
                     headers["Lighting-Model"] = self.service.model_name
@@ -156,7 +169,7 @@ class _ExceptionMiddleware(_Middleware):
     A request that outlasts the time of a shutdown is answered 503.
     """
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         started = False
         bad_range: ProblemError | None = None
 
@@ -173,10 +186,10 @@ class _ExceptionMiddleware(_Middleware):
             if bad_range:
                 raise bad_range
         except (Exception, asyncio.CancelledError) as error:
-            if scope["type"] != "http" or started:
+            if started:
                 raise
-            problem = BusyError(_SHUTDOWN_DETAIL) if isinstance(error, asyncio.CancelledError) else error
-            response = await problems.problem_response(Request(scope), problem)
+            told = error if isinstance(error, Exception) else ProblemError(problems.BUSY, _SHUTDOWN_DETAIL)
+            response = await problems.problem_response(Request(scope), told)
             await response(scope, receive, send)
 
 
@@ -191,17 +204,12 @@ def _find_bad_range(scope: Scope, start: Message) -> ProblemError | None:
 
 
 class _HeadAsGetMiddleware(_Middleware):
-    """Answers HEAD like GET, without the body."""
+    """Answers HEAD like GET; the server leaves out the body."""
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        async def send_without_body(message: Message) -> None:
-            await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
-
-        if scope["type"] != "http" or scope["method"] != "HEAD":
-            return await self.app(scope, receive, send)
-        inner = {**scope, "method": "GET"}
+    async def _handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        inner = {**scope, "method": "GET"} if scope["method"] == "HEAD" else scope
         try:
-            await self.app(inner, receive, send_without_body)
+            await self.app(inner, receive, send)
         finally:
             scope.update({name: inner.get(name) for name in ("route", "endpoint", "problem")})
 
@@ -212,14 +220,8 @@ class DrainBodyMiddleware(_Middleware):
     A connection that is closed with bytes unread takes its answer with it; one that stays open is read on anyway.
     """
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "http" and _closes_connection(scope):
-            await self._drain(scope, receive, send)
-        else:
-            await self.app(scope, receive, send)
-
-    async def _drain(self, scope: Scope, receive: Receive, send: Send) -> None:
-        unread = True
+    async def _handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        closes, unread = _closes_connection(scope), True
 
         async def receive_noting_end() -> Message:
             nonlocal unread
@@ -229,7 +231,7 @@ class DrainBodyMiddleware(_Middleware):
 
         async def send_after_draining(message: Message) -> None:
             last = message["type"] == "http.response.body" and not message.get("more_body")
-            if last and unread:
+            if closes and last and unread:
                 await send({**message, "more_body": True})
                 with move_on_after(DRAIN_SECONDS):
                     while unread:
@@ -246,7 +248,7 @@ class SliceMiddleware(_Middleware):
     The bytes of a body that are not yet sent stand in the scope, where the connection counts them.
     """
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def _handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def send_in_slices(message: Message) -> None:
             body = message.get("body", b"")
             for start in range(0, len(body) - SLICE_BYTES, SLICE_BYTES):
@@ -271,31 +273,6 @@ def _closes_connection(scope: Scope) -> bool:
     return closes and "expect" not in headers
 
 
-class _SecurityHeadersMiddleware(_Middleware):
-    """Adds SECURITY_HEADERS to every response.
-
-    Args:
-        app: the ASGI app inside.
-        frame_origins: whose pages may show a response in a frame; empty: nobody's.
-    """
-
-    def __init__(self, app: ASGIApp, frame_origins: Sequence[str] = ()) -> None:
-        super().__init__(app)
-        self._headers = dict(SECURITY_HEADERS)
-        if frame_origins:
-            del self._headers["X-Frame-Options"]  # which can name no origin
-            policy = _CONTENT_SECURITY_POLICY.replace(_NO_FRAMES, f"frame-ancestors {' '.join(frame_origins)}")
-            self._headers["Content-Security-Policy"] = policy
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        async def with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(self._headers)
-            await send(message)
-
-        await self.app(scope, receive, with_headers)
-
-
 class _BrowserGuardMiddleware(_Middleware):
     """Refuses what a web page of somebody else would have the service do.
 
@@ -311,8 +288,8 @@ class _BrowserGuardMiddleware(_Middleware):
         super().__init__(app)
         self.settings = settings
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        error = self._find_error(scope, Headers(scope=scope)) if scope["type"] == "http" else None
+    async def _handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        error = self._find_error(scope, Headers(scope=scope))
         app = self.app if error is None else await problems.problem_response(Request(scope), error)
         await app(scope, receive, send)
 
@@ -326,7 +303,7 @@ class _BrowserGuardMiddleware(_Middleware):
 
     def _is_own_name(self, scope: Scope, headers: Headers, host: str) -> bool:
         """Whether a request names a host that no stranger can let point here: an address, or one of the service's."""
-        if "." not in host or _is_address(host) or host.endswith(".localhost"):
+        if "." not in host or parse_address(host) or host.endswith(".localhost"):
             return True  # nobody outside can have a name without a dot
         if host in self.settings.hosts:
             return True
@@ -362,16 +339,7 @@ def _host_name(host: str) -> str:
     return name.partition(":")[0].removesuffix(".")
 
 
-def _is_address(host: str) -> bool:
-    try:
-        ip_address(host)
-    except ValueError:
-        return False
-    return True
-
-
 def _is_loopback(host: str) -> bool:
-    if _is_address(host):
-        address = ip_address(host)
-        return bool((getattr(address, "ipv4_mapped", None) or address).is_loopback)
+    if address := parse_address(host):
+        return address.is_loopback
     return host == "localhost" or host.endswith(".localhost")

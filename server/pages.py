@@ -22,10 +22,9 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from starlette.exceptions import HTTPException
 from starlette.responses import FileResponse, RedirectResponse, Response
-from starlette.staticfiles import NotModifiedResponse, StaticFiles
+from starlette.staticfiles import StaticFiles
 
-from server.dependencies import tag_bytes
-from server.responses import is_fresh
+from server.responses import tag_response
 
 _PICTURES = frozenset({".webp", ".jpg", ".jpeg", ".png", ".svg", ".gif"})
 _BOOK_FILES = Path(__file__).with_name("book_files")  # the style sheet, the script, and the frame of a page
@@ -87,15 +86,8 @@ class Book:
         """In the order of the contents."""
         self._frame = (_BOOK_FILES / "page.html").read_text(encoding="utf-8")
         self._by_source = {page.source: page for page in self.pages}
-        self._by_address = {page.address: page for page in self.pages}
-
-    def find_page(self, address: str) -> _BookPage | None:
-        """Return the page at a path below /book/; None where there is none.
-
-        Args:
-            address: without `.md`; empty for the index.
-        """
-        return self._by_address.get(address)
+        self.by_address = {page.address: page for page in self.pages}
+        """The same by their paths below /book/; empty for the index."""
 
     @lru_cache(128)  # noqa: B019  # a service has one book, as long as it runs
     def render_page(self, page: _BookPage) -> bytes:
@@ -204,21 +196,10 @@ def _find_pages(docs: Path, clone: Path | None) -> Iterator[_BookPage]:
         if link and not name.startswith(("../", _LAB)):
             found.setdefault(name, chapter)
     for name, chapter in found.items():
-        yield _BookPage(
-            _ELSEWHERE.get(name, f"docs/{name}"), _to_address(name), chapter, _locate_page(name, docs, clone)
-        )
-
-
-def _locate_page(name: str, docs: Path, clone: Path | None) -> Path:
-    """The file of a page; the model card is a part of the package."""
-    source = _ELSEWHERE.get(name)
-    if source and (clone or source.startswith("lighting/")):
-        return (clone or _CLONE) / source
-    return docs / name
-
-
-def _to_address(name: str) -> str:
-    return "" if name == "README.md" else name.removesuffix(".md")
+        source = _ELSEWHERE.get(name, f"docs/{name}")
+        in_repository = name in _ELSEWHERE and (clone or source.startswith("lighting/"))  # which the package has, too
+        path = (clone or _CLONE) / source if in_repository else docs / name
+        yield _BookPage(source, "" if name == "README.md" else name.removesuffix(".md"), chapter, path)
 
 
 def _relative(page: _BookPage, address: str) -> str:
@@ -325,7 +306,7 @@ def make_book_router(book: Book | None = None) -> APIRouter:
     async def page(request: Request, path: str) -> Response:
         if path == "search.json":
             return await _serve_text(await to_thread.run_sync(lambda: shown.search_index), "application/json", request)
-        if found := shown.find_page(path):
+        if found := shown.by_address.get(path):
             return await _serve_text(await to_thread.run_sync(shown.render_page, found), "text/html", request)
         suffix = Path(path).suffix
         if suffix not in files:
@@ -337,15 +318,11 @@ def make_book_router(book: Book | None = None) -> APIRouter:
 
 async def _serve_text(data: bytes, kind: str, request: Request) -> Response:
     """A text that is in memory, gzipped if the client accepts that."""
-    headers = {"Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    headers = {"Vary": "Accept-Encoding"}
     if _accepts_gzip(request):
         data = await to_thread.run_sync(_gzip_text, data)
         headers["Content-Encoding"] = "gzip"
-    headers["ETag"] = tag_bytes(data)
-    response = Response(data, media_type=kind, headers=headers)
-    if is_fresh(request, headers["ETag"]):
-        return NotModifiedResponse(response.headers)
-    return response
+    return tag_response(request, Response(data, media_type=kind, headers=headers))
 
 
 @lru_cache(_KEPT_FILES)
@@ -373,11 +350,8 @@ async def _gzip_response(files: StaticFiles, path: str, request: Request) -> Res
     """The gzipped copy of a file that exists, with a tag of its own."""
     full_path, stat = files.lookup_path(path)
     data = await to_thread.run_sync(_gzip_file, full_path, stat.st_mtime_ns if stat else 0)
-    headers = {"ETag": tag_bytes(data), "Content-Encoding": "gzip"}
-    response = Response(data, media_type=guess_type(path)[0], headers=headers)
-    if files.is_not_modified(response.headers, request.headers):
-        return NotModifiedResponse(response.headers)
-    return response
+    response = Response(data, media_type=guess_type(path)[0], headers={"Content-Encoding": "gzip"})
+    return tag_response(request, response)
 
 
 @lru_cache(_KEPT_FILES)

@@ -2,28 +2,29 @@
 
 import json
 import logging
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from http import HTTPStatus
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 from urllib.parse import quote
 
-from fastapi import FastAPI, Request, Response
+from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
+from pydantic import Field
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.types import Scope
 
 from lighting.errors import FOREIGN_NAMES, ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.fields import Json, parameter_name
-from server.limits import BusyError, ShareTakenError, TooManyUploadsError
 
 MEDIA_TYPE = "application/problem+json"
 _RETRY_SECONDS = "1"
 MAX_ERRORS = 20  # that a response names: a body of 64 kB can have 30,000
 
-FieldLocation = Literal["query", "form", "body"]  # the URL, a form's parts, a JSON body
+FieldPlace = Literal["query", "form", "body"]
 
 log = logging.getLogger(__name__)
 
@@ -226,11 +227,7 @@ BUSY = ProblemKind(
     passes=True,
 )
 
-KINDS = (
-    UNREADABLE_PHOTO, UNREADABLE_BODY, MALFORMED, UNAUTHORIZED, FORBIDDEN, FOREIGN_ORIGIN, NOT_FOUND,
-    METHOD_NOT_ALLOWED, UNKNOWN_JOB, NO_RESULT, TOO_SLOW, REMOVED, TOO_LARGE, UNSUPPORTED_TYPE, BAD_RANGE, WRONG_HOST,
-    INVALID, TOO_MANY_REQUESTS, TOO_MANY_UPLOADS, SHARE_TAKEN, HEADERS_TOO_LARGE, INTERNAL, NOT_READY, BUSY,
-)  # fmt: skip
+KINDS = tuple(kind for kind in list(globals().values()) if isinstance(kind, ProblemKind) and kind.meaning)
 _DETAIL_BY_TYPE = {  # plainer than pydantic's, by pydantic's type of error
     "missing": (ErrorCode.MISSING, "is missing"),
     "extra_forbidden": (ErrorCode.UNKNOWN, "is not known here"),
@@ -241,11 +238,6 @@ _DETAIL_BY_TYPE = {  # plainer than pydantic's, by pydantic's type of error
     "string_type": (ErrorCode.WRONG_TYPE, "must be a text"),
     "too_short": (ErrorCode.OUT_OF_RANGE, "must have at least {min_length} values"),
     "too_long": (ErrorCode.OUT_OF_RANGE, "must have at most {max_length} values"),
-}
-_CODE_BY_TYPE = {  # of our own checks in server/field_types.py and server/query_params.py
-    "range": ErrorCode.OUT_OF_RANGE,
-    "even": ErrorCode.OUT_OF_RANGE,
-    "pair": ErrorCode.CONTRADICTION,
 }
 _REMOVED_ROUTES = {  # by path, or its beginning: what to use instead
     "/healthz": "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
@@ -263,58 +255,55 @@ _FOREIGN_ROUTES = {  # by the last part of a path, what does its work here
 _UNLISTED_ROUTES = ("/", "/docs", "/openapi.json")  # that the OpenAPI document leaves out
 _MIN_SIMILAR_LENGTH, _MAX_SIMILAR_LENGTH = 3, 64  # letters of a name for which a similar one is sought
 FORM_PARAMETERS = "form_parameters"  # where a scope holds the names and values of parameters in a form
-_KIND_BY_STATUS = {kind.status: kind for kind in (NOT_FOUND, METHOD_NOT_ALLOWED)}
 
 
 @dataclass(frozen=True)
-class InvalidField:
+class FieldError:
     """What is wrong with one field, and for a number its range."""
 
     field: str
-    location: FieldLocation
+    place: Annotated[FieldPlace, Field(description="where the field is: in the URL, the form or the body")]
     detail: str
-    code: str = ErrorCode.CONTRADICTION
+    code: Annotated[
+        str,
+        Field(
+            description="what is wrong, for programs: stable, unlike the sentence",
+            json_schema_extra={"enum": [code.value for code in ErrorCode]},
+        ),
+    ]
     minimum: float | None = None
     maximum: float | None = None
 
     def to_dict(self) -> Json:
         """The JSON, without a range if the field has none."""
-        names = {"location": "place"}
-        return {names.get(name, name): value for name, value in vars(self).items() if value is not None}
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
-_EXAMPLE_FIELD = InvalidField(
+_EXAMPLE_FIELD = FieldError(
     "height", "query", "must be a number from 16 to 2048", ErrorCode.OUT_OF_RANGE.value, minimum=16, maximum=2048
 )
 
 
 class ProblemError(Exception):
-    """Ends a request with a problem, by its example unless a detail is told; `more` adds members to its body."""
+    """Ends a request with a problem, by its example unless a detail is told, and with the fields at fault."""
 
     def __init__(
-        self, kind: ProblemKind, detail: str = "", headers: Mapping[str, str] | None = None, **more: Any
+        self,
+        kind: ProblemKind,
+        detail: str = "",
+        headers: Mapping[str, str] | None = None,
+        errors: Iterable[FieldError] = (),
     ) -> None:
-        super().__init__(detail or kind.example)
-        self.kind, self.detail, self.more = kind, detail or kind.example, more
+        self.kind, self.detail, self.errors = kind, detail or kind.example, [error.to_dict() for error in errors]
+        super().__init__(self.detail)
         self.headers = ({"Retry-After": _RETRY_SECONDS} if kind.passes else {}) | dict(headers or {})
 
 
-def invalid_field_error(
-    field: str, detail: str, location: FieldLocation = "query", code: ErrorCode = ErrorCode.CONTRADICTION
-) -> ProblemError:
-    """A 422 about one field.
-
-    Args:
-        field: its name.
-        detail: what is wrong, for people.
-        location: the part of the request that has the field.
-        code: what is wrong, for programs.
-    """
-    return invalid_fields_error([InvalidField(field, location, detail, code)])
+EXPECTED_ERRORS = (ProblemError, LightingError, HTTPException, RequestValidationError, ClientDisconnect)
 
 
-def invalid_fields_error(errors: list[InvalidField]) -> ProblemError:
-    """A 422 about several fields.
+def invalid_error(*errors: FieldError) -> ProblemError:
+    """A 422.
 
     Args:
         errors: one a field; the first MAX_ERRORS are named.
@@ -322,35 +311,40 @@ def invalid_fields_error(errors: list[InvalidField]) -> ProblemError:
     listed, others = errors[:MAX_ERRORS], len(errors) - MAX_ERRORS
     detail = "; ".join(f"{error.field}: {error.detail}" for error in listed)
     more = f"; and {others} more" if others > 0 else ""
-    return ProblemError(INVALID, detail + more, errors=[error.to_dict() for error in listed])
+    return ProblemError(INVALID, detail + more, errors=listed)
 
 
-def _response(request: Request, error: ProblemError) -> Response:
-    """The response with a problem, whose name goes into the scope for the log."""
-    request.scope["problem"] = error.kind.name
-    body = _body(error.kind, error.detail, quote(request.scope["path"]), request.scope.get("request_id", ""))
-    return Response(_json({**body, **error.more}), error.kind.status, error.headers, MEDIA_TYPE)
+def refuse_repeated(names: Iterable[str], place: FieldPlace) -> None:
+    """Raise ProblemError for names that are given more than once.
+
+    Args:
+        names: of parameters.
+        place: where they are.
+    """
+    detail = "is given more than once"
+    if repeated := [name for name, count in Counter(names).items() if count > 1]:
+        raise invalid_error(*(FieldError(name, place, detail, ErrorCode.DUPLICATE) for name in repeated))
 
 
-def problem_json(kind: ProblemKind, detail: str, request_id: str) -> bytes:
-    """The JSON of a problem with a request that could not be parsed.
+def problem_json(
+    kind: ProblemKind, detail: str, request_id: str, instance: str = "", errors: Sequence[Json] = ()
+) -> bytes:
+    """The JSON of a problem; a lone surrogate, which a form of another charset can contain, becomes an escape.
 
     Args:
         kind: the kind of problem.
         detail: a sentence for people.
         request_id: of the header X-Request-ID.
+        instance: the path of the request; empty for one that could not be parsed.
+        errors: the fields at fault.
     """
-    return _json(_body(kind, detail, "", request_id))
+    body = _body(kind, detail, request_id, instance, errors)
+    return json.dumps(body, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "backslashreplace")
 
 
-def _json(content: Json) -> bytes:
-    """JSON as UTF-8; a lone surrogate, which a form of another charset can contain, becomes an escape."""
-    return json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "backslashreplace")
-
-
-def _body(kind: ProblemKind, detail: str, instance: str, request_id: str) -> Json:
-    kind_members = {"type": kind.type, "title": kind.title, "status": kind.status}
-    return {**kind_members, "detail": detail, "instance": instance, "request_id": request_id}
+def _body(kind: ProblemKind, detail: str, request_id: str, instance: str, errors: Sequence[Json]) -> Json:
+    told = {"type": kind.type, "title": kind.title, "status": kind.status, "detail": detail}
+    return {**told, "instance": instance, "request_id": request_id} | ({"errors": errors} if errors else {})
 
 
 def _problem_of(request: Request, error: Exception) -> ProblemError:
@@ -360,42 +354,39 @@ def _problem_of(request: Request, error: Exception) -> ProblemError:
             return error
         case RequestValidationError():
             schemas = _parameter_schemas(request)
-            return invalid_fields_error([_invalid_field(details, schemas) for details in error.errors()])
+            return invalid_error(*(_field_error(details, schemas) for details in error.errors()))
         case HTTPException():
             return _problem_of_http_exception(request, error)
         case PhotoTooLargeError():
             return ProblemError(TOO_LARGE, str(error))
         case PhotoError():
             return ProblemError(UNREADABLE_PHOTO, str(error))
-        case ParameterError():
-            return _problem_of_parameter(error)
-        case BusyError():
-            return ProblemError(BUSY, str(error))
-        case TooManyUploadsError():
-            return ProblemError(TOO_MANY_UPLOADS)
-        case ShareTakenError():
-            return ProblemError(SHARE_TAKEN, str(error))
+        case ParameterError():  # parameters that are each right and do not fit each other or the photo
+            told = error.renamed(parameter_name)
+            wrong = [] if told.field is None else [FieldError(told.field, "query", str(told), told.code)]
+            return ProblemError(INVALID, str(told), errors=wrong)
         case ClientDisconnect():
             return ProblemError(CLIENT_GONE, "The client disconnected.")
         case _:
             return ProblemError(INTERNAL)
 
 
-def _problem_of_parameter(error: ParameterError) -> ProblemError:
-    """Parameters that are each right and do not fit each other or the photo."""
-    renamed = error.renamed(parameter_name)
-    if renamed.field is None:
-        return ProblemError(INVALID, str(renamed))
-    invalid = InvalidField(renamed.field, "query", str(renamed), renamed.code)
-    return ProblemError(INVALID, str(renamed), errors=[invalid.to_dict()])
-
-
 def _problem_of_http_exception(request: Request, error: HTTPException) -> ProblemError:
-    phrase = HTTPStatus(error.status_code).phrase
-    other = ProblemKind(phrase.lower().replace(" ", "-"), error.status_code, phrase)
-    kind = _KIND_BY_STATUS.get(error.status_code, other)
-    hint = _route_hint(request) if kind is NOT_FOUND else ""
-    return ProblemError(kind, f"{kind.title}.{hint}", error.headers)
+    match error.status_code:
+        case NOT_FOUND.status:
+            path = f"{route_path(request.scope)}/"
+            removed = (instead for route, instead in _REMOVED_ROUTES.items() if path.startswith(f"{route}/"))
+            if instead := next(removed, ""):
+                return ProblemError(REMOVED, instead)
+            return ProblemError(NOT_FOUND, f"{NOT_FOUND.title}.{_route_hint(request)}")
+        case METHOD_NOT_ALLOWED.status:
+            allowed = _allowed_methods(request, (error.headers or {}).get("Allow", ""))
+            detail = f"{request.method[:16]} is not allowed here; allowed is {allowed}."
+            return ProblemError(METHOD_NOT_ALLOWED, detail, {"Allow": allowed})
+        case status:
+            phrase = HTTPStatus(status).phrase
+            kind = ProblemKind(phrase.lower().replace(" ", "-"), status, phrase)
+            return ProblemError(kind, f"{phrase}.", error.headers)
 
 
 def _route_hint(request: Request) -> str:
@@ -422,20 +413,19 @@ def _find_similar(name: str, known: Iterable[str]) -> str:
     return next(iter(get_close_matches(name, names, n=1) or shortened), "")
 
 
-def _invalid_field(details: Mapping[str, Any], schemas: Mapping[str, Json]) -> InvalidField:
+def _field_error(details: Mapping[str, Any], schemas: Mapping[str, Json]) -> FieldError:
     """One of pydantic's errors, in plainer words.
 
     A check of several fields names the one at fault as `field` of its context; our checks have a `code` there.
     """
     context = details.get("ctx", {})
-    default_code = context.get("code") or _CODE_BY_TYPE.get(details["type"], ErrorCode.WRONG_TYPE)
-    code, template = _DETAIL_BY_TYPE.get(details["type"], (default_code, None))
+    code, template = _DETAIL_BY_TYPE.get(details["type"], (context.get("code", ErrorCode.WRONG_TYPE), None))
     location, *path = details["loc"]
     field = context.get("field") or ".".join(map(str, path)) or str(location)
     hint = _parameter_hint(field, details, schemas) if location == "query" else ""
-    return InvalidField(
+    return FieldError(
         field=field,
-        location=location,
+        place=location,
         detail=(details["msg"] if template is None else template.format(**context)) + hint,
         code=code,
         minimum=context.get("minimum"),
@@ -476,17 +466,12 @@ async def problem_response(request: Request, error: Exception) -> Response:
     """
     problem = _problem_of(request, error)
     _locate_form_parameters(request, problem)
-    path = f"{route_path(request.scope)}/"
-    if problem.kind is NOT_FOUND:
-        removed = (instead for route, instead in _REMOVED_ROUTES.items() if path.startswith(f"{route}/"))
-        problem = next((ProblemError(REMOVED, instead) for instead in removed), problem)
-    if problem.kind is METHOD_NOT_ALLOWED:
-        problem.headers = _allow_header(request, problem.headers.get("Allow", ""))
-        if allowed := problem.headers.get("Allow"):
-            problem.detail = f"{request.method[:16]} is not allowed here; allowed is {allowed}."
     if problem.kind is INTERNAL:
         log.error("request %s failed", request.scope.get("request_id"), exc_info=error)
-    return _response(request, problem)
+    request.scope["problem"] = problem.kind.name  # for the log
+    told = request.scope.get("request_id", ""), quote(request.scope["path"]), problem.errors
+    body = problem_json(problem.kind, problem.detail, *told)
+    return Response(body, problem.kind.status, problem.headers, MEDIA_TYPE)
 
 
 def _locate_form_parameters(request: Request, problem: ProblemError) -> None:
@@ -494,18 +479,17 @@ def _locate_form_parameters(request: Request, problem: ProblemError) -> None:
     if not request.scope.get(FORM_PARAMETERS):
         return
     in_url = Request(request.scope).query_params  # an old name in the form is told as the new one
-    for item in problem.more.get("errors", ()):
+    for item in problem.errors:
         if item["place"] == "query" and item["field"] not in in_url:
             item["place"] = "form"
 
 
-def _allow_header(request: Request, allow: str) -> dict[str, str]:
+def _allowed_methods(request: Request, allow: str) -> str:
     """All methods of a path; the router's own header lists those of its first route alone, and never HEAD."""
     path = getattr(request.scope.get("route"), "path", "")
     methods = {method.upper() for method in request.app.openapi()["paths"].get(path, ())}
     methods = methods or set(allow.replace(",", " ").split())
-    methods |= {"HEAD"} if "GET" in methods else set()
-    return {"Allow": ", ".join(sorted(methods))} if methods else {}
+    return ", ".join(sorted(methods | ({"HEAD"} if "GET" in methods else set())))
 
 
 def problem_responses(*statuses: int) -> dict[int | str, Json]:
@@ -529,16 +513,5 @@ def problem_example(kind: ProblemKind) -> Json:
     Args:
         kind: the kind of problem.
     """
-    body = _body(kind, kind.example, "/v1/lighting", "4d1c0a6f5e2b7398")
-    return {**body, "errors": [_EXAMPLE_FIELD.to_dict()]} if kind is INVALID else body
-
-
-def install_handlers(app: FastAPI) -> None:
-    """Register the handler that answers errors with problems.
-
-    Args:
-        app: the app, without routes.
-    """
-    ours = (ProblemError, LightingError, BusyError, ShareTakenError, TooManyUploadsError)
-    for expected in (*ours, HTTPException, RequestValidationError, ClientDisconnect):
-        app.add_exception_handler(expected, problem_response)
+    errors = [_EXAMPLE_FIELD.to_dict()] if kind is INVALID else []
+    return _body(kind, kind.example, "4d1c0a6f5e2b7398", "/v1/lighting", errors)

@@ -1,14 +1,12 @@
 """The parameters in the URLs of requests, with units and ranges, and what they must fit together."""
 
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from datetime import date
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
 from lighting.errors import OLD_NAMES, SHORT_FORMS, ErrorCode, ParameterError
 from lighting.fields import Json, parameter_name
@@ -23,8 +21,8 @@ from lighting.scene import EXPORTERS, unsupported_options
 from lighting.scene.records import PLATE_SIDE
 from lighting.sun_study import STEP_RANGE
 from server import field_types as types
-from server.field_types import InRange, NotNull, RegistryName, field_error, parameter_range
-from server.problems import InvalidField, invalid_field_error, invalid_fields_error
+from server.field_types import InRange, NotNull, RegistryName, field_error, field_errors, parameter_range
+from server.problems import FieldError, invalid_error, refuse_repeated
 
 SUN_BY_DEFAULT = "by default if it likely shines"
 _DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
@@ -45,15 +43,18 @@ class Query(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _rename(cls, values: Any) -> Any:
-        if not isinstance(values, Mapping):
-            return values
-        renamed, names = dict(values), {field.alias or name for name, field in cls.model_fields.items()}
+        return cls._with_new_names(dict(values)) if isinstance(values, Mapping) else values
+
+    @classmethod
+    def _with_new_names(cls, values: Json) -> Json:
+        """The parameters, which this may change, by the names that fields have."""
+        names = {field.alias or name for name, field in cls.model_fields.items()}
         for other, name in (OLD_NAMES | SHORT_FORMS | dict(cls.old_names)).items():
-            if other in renamed and name in names:
-                if name in renamed:
+            if other in values and name in names:
+                if name in values:
                     raise field_error(other, f"is the same as {name}; give one of them", ErrorCode.DUPLICATE)
-                renamed[name] = renamed.pop(other)
-        return renamed
+                values[name] = values.pop(other)
+        return values
 
     def explicit_fields(self) -> set[str]:
         """The parameters with another value than their default, which clients may send, too."""
@@ -101,7 +102,8 @@ class UserInputQuery(Query):
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
-        types.with_field_errors(lambda _: self.user_input())("")
+        with field_errors():
+            self.user_input()
         return self
 
     def user_input(self) -> UserInput:
@@ -172,7 +174,11 @@ def with_options(record: type, *names: str, without: Collection[str] = ()) -> Ca
         for name in names or texts
         if name not in without
     }
-    return lambda query: create_model(query.__name__, __base__=query, __doc__=query.__doc__, **chosen)
+    return _with_parameters(chosen)
+
+
+def _with_parameters(parameters: Json) -> Callable[[type[_Q]], type[_Q]]:
+    return lambda query: create_model(query.__name__, __base__=query, __doc__=query.__doc__, **parameters)
 
 
 class ViewQuery(Query):
@@ -200,7 +206,8 @@ class MapQuery(ViewQuery):
 
     @model_validator(mode="after")
     def _check_format_options(self) -> Self:
-        types.with_field_errors(lambda _: self.file_options())("")
+        with field_errors():
+            self.file_options()
         return self
 
     def file_options(self) -> FileOptions:
@@ -220,14 +227,14 @@ class _IrradianceQuery(Query):
     @classmethod
     def _check_pair(cls, sky: Any, others: ValidationInfo) -> Any:
         if "sun_irradiance" in others.data and (others.data["sun_irradiance"] is None) != (sky is None):
-            raise PydanticCustomError("pair", "sun_irradiance and sky_irradiance go together; give both")
+            raise field_error(None, "sun_irradiance and sky_irradiance go together; give both")
         return sky
 
     @field_validator("sky_cover")
     @classmethod
     def _check_irradiances(cls, cover: float | None, others: ValidationInfo) -> float | None:
         if cover is not None and others.data.get("sky_irradiance", True) is None:
-            raise PydanticCustomError("pair", "needs sky_irradiance and sun_irradiance too")
+            raise field_error(None, "needs sky_irradiance and sun_irradiance too")
         return cover
 
 
@@ -256,24 +263,20 @@ class _EditQuery(_IrradianceQuery):
     `fov`, they still are until 0.4.0.
     """
 
-    @model_validator(mode="before")
     @classmethod
-    def _rename_edits(cls, values: Any) -> Any:
-        if not isinstance(values, Mapping):
-            return values
-        renamed = dict(values)
+    def _with_new_names(cls, values: Json) -> Json:
         for name, new in _EDIT_NAMES.items():
             was_edit = "photo_exposure" in values or (name == "vertical_fov" and "fov" in values)
-            if was_edit and name in renamed and new not in renamed:
-                renamed[new] = renamed.pop(name)
-        return renamed
+            if was_edit and name in values and new not in values:
+                values[new] = values.pop(name)
+        return super()._with_new_names(values)
 
-    sun_azimuth: Annotated[float | None, types.SUN_AZIMUTH] = None
-    sun_elevation: Annotated[float | None, types.SUN_ELEVATION] = None
-    turbidity: Annotated[float | None, types.TURBIDITY] = None
-    sky_exposure: Annotated[float | None, types.EXPOSURE] = None
-    camera_elevation: Annotated[float | None, types.CAMERA_ELEVATION] = None
-    camera_roll: Annotated[float | None, types.CAMERA_ROLL] = None
+    sun_azimuth: Annotated[types.SunAzimuth | None, NotNull()] = None
+    sun_elevation: Annotated[types.SunElevation | None, NotNull()] = None
+    turbidity: Annotated[types.Turbidity | None, NotNull()] = None
+    sky_exposure: Annotated[types.Exposure | None, NotNull()] = None
+    camera_elevation: Annotated[types.CameraElevation | None, NotNull()] = None
+    camera_roll: Annotated[types.CameraRoll | None, NotNull()] = None
     camera_vertical_fov: Annotated[
         float | None,
         parameter_range("vertical_fov", "deg; unlike `vertical_fov` it leaves the estimate of the sun as it is", 48.7),
@@ -294,21 +297,17 @@ class _EditQuery(_IrradianceQuery):
 class PlaceQuery(ViewQuery):
     """What the light of a photo shows around it. Until 0.4.0 the switches `surroundings` and `detail` say it, too."""
 
-    @model_validator(mode="before")
     @classmethod
-    def _rename_switches(cls, values: Any) -> Any:
-        if not isinstance(values, Mapping):
-            return values
-        renamed = dict(values)
-        old = {name: renamed.pop(name) for name in ("surroundings", "detail") if name in renamed}
-        if old and "around" in renamed:
+    def _with_new_names(cls, values: Json) -> Json:
+        old = {name: values.pop(name) for name in ("surroundings", "detail") if name in values}
+        if old and "around" in values:
             raise field_error(next(iter(old)), "is an old form of around; give one of them", ErrorCode.DUPLICATE)
         for name, value in old.items():
             if value not in ("true", "false", True, False):
                 raise field_error(name, "must be true or false", ErrorCode.WRONG_TYPE)
         switches = {name: value in ("true", True) for name, value in old.items()}
         around = around_of_switches(switches.get("surroundings"), switches.get("detail"), cls._without_detail(values))
-        return renamed | ({"around": around} if around else {})
+        return super()._with_new_names(values | ({"around": around} if around else {}))
 
     @classmethod
     def _without_detail(cls, _values: Mapping[str, Any]) -> str:
@@ -386,29 +385,20 @@ class SkyProbeQuery(ProbeQuery, _SkyParameters):
     sun: types.Flag = Field(True, description="include the sun as the main light")
 
 
-class _ToolQuery(Query):
-    tool: Annotated[str, RegistryName(EXPORTERS)] = Field(alias="for", description="the tool that opens it")
-
-
-def _create_tool_options_query() -> Any:
-    """_ToolQuery with a field for each option of EXPORTERS."""
-    fields: Json = {
+@_with_parameters(
+    {
         name: (Annotated[str, RegistryName(option.choices)], Field(option.default, description=f"with `for={tool}`"))
         for tool, entry in EXPORTERS.items()
         for name, option in entry.options.items()
         if option.choices
     }
-    return create_model("_ToolOptionsQuery", __base__=_ToolQuery, **fields)
-
-
-if TYPE_CHECKING:
-    _ToolOptionsQuery = _ToolQuery
-else:
-    _ToolOptionsQuery = _create_tool_options_query()
+)
+class _ToolQuery(Query):
+    tool: Annotated[str, RegistryName(EXPORTERS)] = Field(alias="for", description="the tool that opens it")
 
 
 @with_options(MapOptions, "height", "sky")
-class SceneQuery(ViewQuery, _ToolOptionsQuery):
+class SceneQuery(ViewQuery, _ToolQuery):
     """The tool that a scene is for, and its options."""
 
     @model_validator(mode="after")
@@ -446,10 +436,7 @@ async def refuse_duplicates(request: Request) -> None:
     Args:
         request: any request.
     """
-    counts = Counter(name for name, _ in request.query_params.multi_items())
-    detail = "is given more than once"
-    if repeated := [name for name, count in counts.items() if count > 1]:
-        raise invalid_fields_error([InvalidField(name, "query", detail, ErrorCode.DUPLICATE) for name in repeated])
+    refuse_repeated((name for name, _ in request.query_params.multi_items()), "query")
 
 
 async def refuse_parameters(request: Request) -> None:
@@ -460,7 +447,7 @@ async def refuse_parameters(request: Request) -> None:
     """
     if names := list(request.query_params):
         detail = "is not known here"
-        raise invalid_fields_error([InvalidField(name, "query", detail, ErrorCode.UNKNOWN) for name in names])
+        raise invalid_error(*(FieldError(name, "query", detail, ErrorCode.UNKNOWN) for name in names))
 
 
 def check_photo_headings(photos: int, query: LightingsQuery) -> None:
@@ -471,11 +458,12 @@ def check_photo_headings(photos: int, query: LightingsQuery) -> None:
         query: has `headings` of all photos or `heading` of one.
     """
     if query.headings is not None and not query.together:
-        raise invalid_field_error("headings", "Headings are of photos taken together.", code=ErrorCode.CONTRADICTION)
+        detail = "Headings are of photos taken together."
+        raise invalid_error(FieldError("headings", "query", detail, ErrorCode.CONTRADICTION))
     try:
         check_headings(photos if query.together else 1, query.heading_values(), query.heading)
     except ParameterError as error:
-        raise invalid_field_error(error.field or "headings", str(error), code=error.code) from error
+        raise invalid_error(FieldError(error.field or "headings", "query", str(error), error.code)) from error
 
 
 def refuse_photo_parameters(query: EnvmapQuery | PhotoProbeQuery) -> None:
@@ -486,4 +474,5 @@ def refuse_photo_parameters(query: EnvmapQuery | PhotoProbeQuery) -> None:
     """
     for name in (*UserInputQuery.model_fields, *_EditQuery.model_fields, "around"):
         if name in query.explicit_fields():
-            raise invalid_field_error(name, "It goes with a photo; a lighting record is rendered as it is.")
+            detail = "It goes with a photo; a lighting record is rendered as it is."
+            raise invalid_error(FieldError(name, "query", detail, ErrorCode.CONTRADICTION))

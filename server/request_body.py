@@ -1,12 +1,11 @@
 """The bodies of requests: uploaded photos and JSON lighting records, within limits of size and time."""
 
 import json
-from collections import Counter
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Coroutine
-from contextlib import AbstractContextManager, ExitStack, asynccontextmanager
-from dataclasses import dataclass
+from collections.abc import AsyncGenerator, Callable, Coroutine, Iterable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from anyio import CancelScope, current_time, open_file
 from fastapi import Request, Response
@@ -18,25 +17,40 @@ from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import record_path
+from lighting.fields import Json, record_path
 from lighting.photo.formats import HEAD_BYTES, begins_as_photo
 from lighting.record_json import MAX_RECORD_BYTES, reject_duplicate_keys, unwrap_record
 from lighting.records import Lighting
 from server import problems
 from server.limits import PLACE_BYTES, ArrivingBody, client_of_request
-from server.problems import FORM_PARAMETERS, InvalidField, ProblemError
+from server.problems import FORM_PARAMETERS, FieldError, ProblemError, invalid_error
 from server.schemas import LightingRecord
-
-_T = TypeVar("_T")
 
 FORM_TYPE = "multipart/form-data"
 JSON_TYPE = "application/json"
 PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif", "image/tiff", "image/avif")
 PHOTO_FIELD, UPLOAD_FIELD = "photo", "file"
 FILE_TYPES = ("application/zip", "application/octet-stream")  # of uploads of jobs, beside video/*
+BINARY_SCHEMA = {"type": "string", "format": "binary"}
+_PARAMETERS_SCHEMA = {"type": "string", "description": "any parameter of the URL, in the form instead"}
 _MAX_FIELDS = 64  # of a form: more than any route has parameters
 _MAX_FIELD_BYTES = 65_536  # of a parameter in a form
 UPLOAD_GRACE = 5.0  # seconds in which a body may be slower than its minimum rate
+
+
+def describe_body(name: str, schema: Json, file_types: Iterable[str], others: Json | None = None) -> Json:
+    """A form with a file and parameters, or the file alone, as the OpenAPI document has a body.
+
+    Args:
+        name: of the file's field.
+        schema: of that field.
+        file_types: media types of a file that is the whole body.
+        others: further content, by its media type.
+    """
+    fields = {"properties": {name: schema}, "additionalProperties": _PARAMETERS_SCHEMA}
+    form = {"schema": {"type": "object", "required": [name], **fields}}
+    files = {file_type: {"schema": BINARY_SCHEMA} for file_type in file_types}
+    return {"requestBody": {"required": True, "content": {FORM_TYPE: form, **files, **(others or {})}}}
 
 
 def media_type(request: Request) -> str:
@@ -87,34 +101,20 @@ class Upload:
     name: str = ""  # on the client's side; empty if unknown
 
 
-@dataclass(frozen=True)
-class BodyLimits:
-    """Limits on the size and the time of a body."""
-
-    max_bytes: int
-    seconds: float  # from its first byte to its last
-    rate: int  # bytes per second, at least, after UPLOAD_GRACE
-
-
+@dataclass
 class RequestBody:
-    """The body of a request, to be read once.
+    """The body of a request, to be read once."""
 
-    Args:
-        request: the request.
-        limits: of size and time.
-        admit: counts the body, of which PLACE_BYTES have come, while it arrives; raises if there are too many.
-    """
-
-    def __init__(
-        self, request: Request, limits: BodyLimits, admit: Callable[[ArrivingBody], AbstractContextManager[None]]
-    ) -> None:
-        self.request = request
-        self.limits = limits
-        self.size = 0  # bytes that have come
-        self._admit = admit
-        self._deadline = CancelScope()
-        self._place = ExitStack()
-        self._must_go = False  # whether it gave its place to another
+    request: Request
+    max_bytes: int
+    seconds: float  # from its first byte to its last, at most
+    rate: int  # bytes per second, at least, after UPLOAD_GRACE
+    admit: Callable[[ArrivingBody], AbstractContextManager[None]]
+    """Counts the body, of which PLACE_BYTES have come, while it arrives; raises if there are too many."""
+    size: int = 0  # bytes that have come
+    _deadline: CancelScope = field(default_factory=CancelScope)
+    _place: ExitStack = field(default_factory=ExitStack)
+    _must_go: bool = False  # whether it gave its place to another
 
     def _give_way(self) -> None:
         self._must_go = True
@@ -134,14 +134,13 @@ class RequestBody:
 
     async def photos(self, max_photos: int, *also: str) -> list[Upload]:
         """One to `max_photos` photos; otherwise like `photo`."""
-        self._refuse_encoding()
-        body_type = media_type(self.request)
-        if body_type == FORM_TYPE:
-            return await self._within_limits(lambda: self._read_form(max_photos))
-        if body_type in PHOTO_TYPES:
-            return [Upload(await self._within_limits(lambda: self._read_all(self.limits.max_bytes)))]
-        listed = ", ".join((FORM_TYPE, *PHOTO_TYPES, *also))
-        return [Upload(await self._within_limits(lambda: self._read_photo(listed)))]
+        with self._within_limits():
+            body_type = media_type(self.request)
+            if body_type == FORM_TYPE:
+                return await self._read_form(PHOTO_FIELD, max_photos)
+            if body_type in PHOTO_TYPES:
+                return [Upload(await self._read_all(self.max_bytes))]
+            return [Upload(await self._read_photo(", ".join((FORM_TYPE, *PHOTO_TYPES, *also))))]
 
     async def save(self, path: Path) -> str:
         """Write the file of a form, or the whole body, to a new file; the name that the client gave it, or nothing.
@@ -152,53 +151,42 @@ class RequestBody:
         Raises:
             ProblemError: the body is of another type, too large or too slow, or the form has no one file.
         """
-        self._refuse_encoding()
-        body_type = media_type(self.request)
-        if body_type == FORM_TYPE:
-            return await self._within_limits(lambda: self._save_form(path))
-        if body_type in FILE_TYPES or body_type.startswith("video/"):
-            return await self._within_limits(lambda: self._save_all(path))
-        raise _unsupported_type(", ".join((FORM_TYPE, *FILE_TYPES, "video/*")), UPLOAD_FIELD)
-
-    async def _save_all(self, path: Path) -> str:
-        async with await open_file(path, "xb") as file:
-            async for chunk in self._chunks(self.limits.max_bytes):
-                await file.write(chunk)
-        return ""
-
-    async def _save_form(self, path: Path) -> str:
-        async with self._parse_form(1, path) as form:
-            self._take_parameters(form, UPLOAD_FIELD)
-            fields = form.getlist(UPLOAD_FIELD)
-            if len(fields) != 1 or not isinstance(fields[0], UploadFile):
-                detail = "The form needs one file in this field, as `curl -F file=@FILE` sends it."
-                raise problems.invalid_field_error(UPLOAD_FIELD, detail, "form", ErrorCode.WRONG_TYPE)
-            return fields[0].filename or ""
+        with self._within_limits():
+            body_type = media_type(self.request)
+            if body_type == FORM_TYPE:
+                (upload,) = await self._read_form(UPLOAD_FIELD, 1, path)
+                return upload.name
+            if body_type not in FILE_TYPES and not body_type.startswith("video/"):
+                raise _unsupported_type(", ".join((FORM_TYPE, *FILE_TYPES, "video/*")), UPLOAD_FIELD)
+            async with await open_file(path, "xb") as file:
+                async for chunk in self._chunks(self.max_bytes):
+                    await file.write(chunk)
+            return ""
 
     async def record(self) -> bytes:
         """The bytes of a JSON lighting record; raises ProblemError."""
-        self._refuse_encoding()
-        return await self._within_limits(lambda: self._read_all(min(self.limits.max_bytes, MAX_RECORD_BYTES)))
+        with self._within_limits():
+            return await self._read_all(min(self.max_bytes, MAX_RECORD_BYTES))
 
-    def _refuse_encoding(self) -> None:
-        """Raise ProblemError for a compressed body, which would look like a damaged photo."""
+    @contextmanager
+    def _within_limits(self) -> Iterator[None]:
+        """Refuse a body that comes too slowly, or is compressed and would look like a damaged photo; ProblemError."""
         coding = self.request.headers.get("content-encoding", "").strip().lower()
         if coding not in ("", "identity"):
             raise ProblemError(problems.UNSUPPORTED_TYPE, headers={"Accept-Encoding": "identity"})
-
-    async def _within_limits(self, read: Callable[[], Awaitable[_T]]) -> _T:
         with self._place, self._deadline:
             self._set_deadline(0, current_time())
-            return await read()
+            yield
+            return
         if self._must_go:
             detail = "As many bodies are arriving as the service takes at once, and this one came most slowly."
             raise ProblemError(problems.BUSY, detail, {"Connection": "close"})
-        detail = f"The body must arrive within {self.limits.seconds:g} s and at {self.limits.rate} bytes per second."
+        detail = f"The body must arrive within {self.seconds:g} s and at {self.rate} bytes per second."
         raise ProblemError(problems.TOO_SLOW, detail, {"Connection": "close"})
 
     def _set_deadline(self, size: int, began: float) -> None:
         """After `size` bytes, set the time until which the next ones must come."""
-        self._deadline.deadline = began + min(self.limits.seconds, UPLOAD_GRACE + size / self.limits.rate)
+        self._deadline.deadline = began + min(self.seconds, UPLOAD_GRACE + size / self.rate)
 
     async def _read_all(self, limit: int) -> bytes:
         return b"".join([chunk async for chunk in self._chunks(limit)])
@@ -206,7 +194,7 @@ class RequestBody:
     async def _read_photo(self, listed: str) -> bytes:
         """A body of another type that begins as a photo does; ProblemError for any other, before all of it has come."""
         data, checked = bytearray(), False
-        async for chunk in self._chunks(self.limits.max_bytes):
+        async for chunk in self._chunks(self.max_bytes):
             data += chunk
             if len(data) >= HEAD_BYTES and not checked:
                 checked = True
@@ -226,21 +214,36 @@ class RequestBody:
             _check_size(body.size, limit)
             self._set_deadline(body.size, began)
             if body.size >= PLACE_BYTES and not has_place:
-                self._place.enter_context(self._admit(body))
+                self._place.enter_context(self.admit(body))
                 has_place = True
             yield chunk
 
-    async def _read_form(self, max_photos: int) -> list[Upload]:
-        async with self._parse_form(max_photos) as form:
-            self._take_parameters(form, PHOTO_FIELD)
-            fields = form.getlist(PHOTO_FIELD)
-            files = [field for field in fields if isinstance(field, UploadFile)]
+    async def _read_form(self, name: str, max_files: int, path: Path | None = None) -> list[Upload]:
+        """The files in a form's field, or the only one without its bytes, which go to a path."""
+        limits = {"max_files": 1 if path else max(max_files, _MAX_FIELDS), "max_fields": _MAX_FIELDS}
+        chunks = self._chunks(self.max_bytes)
+        parser = _FormParser(self.request.headers, chunks, **limits, max_part_size=_MAX_FIELD_BYTES)
+        parser.spool_max_size = self.max_bytes + 1  # in memory, never on disk
+        parser.path = path
+        try:
+            form = await parser.parse()
+        except MultiPartException as error:
+            if parser.has_too_many_files:
+                raise _too_many_files(max_files) from error
+            raise ProblemError(problems.UNREADABLE_BODY, f"The form cannot be read: {error.message}") from error
+        try:
+            self._take_parameters(form, name)
+            fields = form.getlist(name)
+            files = [value for value in fields if isinstance(value, UploadFile)]
             if not 1 <= len(files) == len(fields):
-                detail = "The form needs a file in this field, as `curl -F photo=@FILE` sends it."
-                raise problems.invalid_field_error(PHOTO_FIELD, detail, "form", ErrorCode.WRONG_TYPE)
-            if len(files) > max_photos:
-                raise _too_many_files(max_photos)
-            return [Upload(await file.read(), file.filename or "") for file in files]
+                number = "one" if path else "a"
+                detail = f"The form needs {number} file in this field, as `curl -F {name}=@FILE` sends it."
+                raise invalid_error(FieldError(name, "form", detail, ErrorCode.WRONG_TYPE))
+            if len(files) > max_files:
+                raise _too_many_files(max_files)
+            return [Upload(b"" if path else await file.read(), file.filename or "") for file in files]
+        finally:
+            await form.close()
 
     def _take_parameters(self, form: FormData, file_field: str) -> None:
         """Keep the form's texts as parameters; ProblemError for other files, and for what is given twice."""
@@ -248,35 +251,9 @@ class RequestBody:
         parameters = [(name, value) for name, value in others if isinstance(value, str)]
         if files := {name for name, _ in others} - {name for name, _ in parameters}:
             detail = f"The form takes no such file; it belongs into the field {file_field}."
-            raise problems.invalid_fields_error(
-                [InvalidField(name, "form", detail, ErrorCode.UNKNOWN) for name in sorted(files)]
-            )
-        counts = Counter([*self.request.query_params, *(name for name, _ in parameters)])
-        if repeated := [name for name, count in counts.items() if count > 1]:
-            detail = "is given more than once"
-            raise problems.invalid_fields_error(
-                [InvalidField(name, "form", detail, ErrorCode.DUPLICATE) for name in repeated]
-            )
+            raise invalid_error(*(FieldError(name, "form", detail, ErrorCode.UNKNOWN) for name in sorted(files)))
+        problems.refuse_repeated([*self.request.query_params, *(name for name, _ in parameters)], "form")
         self.request.scope[FORM_PARAMETERS] = parameters
-
-    @asynccontextmanager
-    async def _parse_form(self, max_photos: int, path: Path | None = None) -> AsyncIterator[FormData]:
-        """The form, its files in memory, or the only one at a path."""
-        limits = {"max_files": 1 if path else max(max_photos, _MAX_FIELDS), "max_fields": _MAX_FIELDS}
-        chunks = self._chunks(self.limits.max_bytes)
-        parser = _FormParser(self.request.headers, chunks, **limits, max_part_size=_MAX_FIELD_BYTES)
-        parser.spool_max_size = self.limits.max_bytes + 1  # in memory, never on disk
-        parser.path = path
-        try:
-            form = await parser.parse()
-        except MultiPartException as error:
-            if parser.has_too_many_files:
-                raise _too_many_files(max_photos) from error
-            raise ProblemError(problems.UNREADABLE_BODY, f"The form cannot be read: {error.message}") from error
-        try:
-            yield form
-        finally:
-            await form.close()
 
 
 class _FormParser(MultiPartParser):
@@ -311,7 +288,7 @@ def _too_many_files(max_photos: int) -> ProblemError:
     limit = "One photo is" if max_photos == 1 else f"At most {max_photos} photos are"
     hint = " POST /v1/lightings takes several." if max_photos == 1 else ""
     detail = f"{limit} taken here, and the form holds more.{hint}"
-    return problems.invalid_field_error(PHOTO_FIELD, detail, "form", ErrorCode.OUT_OF_RANGE)
+    return invalid_error(FieldError(PHOTO_FIELD, "form", detail, ErrorCode.OUT_OF_RANGE))
 
 
 def _check_size(size: int, limit: int) -> None:
@@ -344,7 +321,7 @@ def parse_record(data: bytes) -> Lighting:
         raise RequestValidationError([{**item, "loc": ("body", *item["loc"])} for item in errors]) from error
     except ParameterError as error:
         renamed = error.renamed(record_path)
-        raise problems.invalid_field_error(renamed.field or "body", str(renamed), "body", renamed.code) from error
+        raise invalid_error(FieldError(renamed.field or "body", "body", str(renamed), renamed.code)) from error
 
 
 def _unsupported_type(listed: str, field: str) -> ProblemError:

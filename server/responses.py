@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 from fastapi import Request, Response
-from fastapi.responses import JSONResponse
+from starlette.staticfiles import NotModifiedResponse
 
 from lighting.envmap.latlong import Image
 from lighting.errors import warning_code
@@ -22,6 +22,7 @@ from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer, tag_bytes
 from server.problems import route_path
 from server.query_params import LightingQuery
+from server.schemas import LightingEstimate
 
 WARNINGS_HEADER = "Lighting-Warnings"
 ZIP_TYPE = "application/zip"
@@ -63,21 +64,12 @@ def estimate_to_json(request: Request, answer: PhotoAnswer, query: LightingQuery
 
 def _photo_metadata(metadata: PhotoMetadata) -> Json:
     """What the file says, without what it does not say."""
-    time, offset, gps_time = metadata.local_time, metadata.utc_offset, metadata.gps_time
+    time, gps_time = metadata.local_time, metadata.gps_time
+    names = [name for name in LightingEstimate.PhotoMetadataRecord.model_fields if name != "time"]
     values = {
         "time": time.isoformat(timespec="seconds") if time else None,
-        "utc_offset": offset,
+        **{name: getattr(metadata, name) for name in names},
         "gps_time": gps_time.astimezone(UTC).isoformat(timespec="seconds") if gps_time else None,
-        "latitude": metadata.latitude,
-        "longitude": metadata.longitude,
-        "heading": metadata.heading,
-        "heading_reference": metadata.heading_reference.value if metadata.heading_reference else None,
-        "focal_length": metadata.focal_length,
-        "vertical_fov": metadata.vertical_fov,
-        "camera_elevation": metadata.camera_elevation,
-        "camera_roll": metadata.camera_roll,
-        "camera_height": metadata.camera_height,
-        "orientation": metadata.orientation,
     }
     return {name: value for name, value in values.items() if value is not None}
 
@@ -111,20 +103,16 @@ def _sun_probability(sun: SunDistribution) -> Json:
     }
 
 
-def tagged_json_response(request: Request, content: Json) -> Response:
-    """JSON with a tag of its bytes; 304 for a client whose copy is still good.
+def tag_response(request: Request, response: Response) -> Response:
+    """A response with a tag of its bytes, by which caches ask again; 304 for a client whose copy is still good.
 
     Args:
         request: may have If-None-Match.
-        content: what it holds.
+        response: with its body.
     """
-    response = JSONResponse(content)
-    etag = tag_bytes(response.body)
-    headers = {"ETag": etag, "Cache-Control": "no-cache"}
-    if is_fresh(request, etag):
-        return Response(status_code=304, headers=headers)
-    response.headers.update(headers)
-    return response
+    response.headers.setdefault("Cache-Control", "no-cache")
+    etag = response.headers["ETag"] = tag_bytes(response.body)
+    return NotModifiedResponse(response.headers) if is_fresh(request, etag) else response
 
 
 def is_fresh(request: Request, etag: str) -> bool:

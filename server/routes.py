@@ -4,7 +4,7 @@ The API, version 1, and the routes for operators.
 """
 
 import json
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
+from fastapi.types import DecoratedCallable
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from lighting.fields import Json
@@ -28,54 +29,35 @@ from server import query_params as queries
 from server import responses, tasks
 from server.dependencies import (
     RESULT_TAG,
+    Admission,
     AdmissionDep,
     PhotoDep,
     PhotoOrLightingDep,
-    Service,
     ServiceDep,
     UploadsDep,
     tag_bytes,
 )
 from server.problems import problem_responses
-from server.query_params import (
-    DayQuery,
-    EnvmapQuery,
-    GroundQuery,
-    LightingQuery,
-    LightingsQuery,
-    LitSpotQuery,
-    PhotoProbeQuery,
-    PhotoSceneQuery,
-    PreviewQuery,
-    SkyProbeQuery,
-    SkyQuery,
-    SkySceneQuery,
-    refuse_parameters,
-)
-from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, FormRoute
+from server.query_params import refuse_parameters
+from server.request_body import BINARY_SCHEMA, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, FormRoute, describe_body
 from server.schemas import DayLight, LightingEstimate, LightingEstimates, LitSpot, ModelCard, Status
 
-_BINARY_SCHEMA = {"type": "string", "format": "binary"}
-_PARAMETERS_SCHEMA = {"type": "string", "description": "any parameter of the URL, in the form instead"}
+
+def _file_response(*media_types: str) -> Json:
+    """An answer that is a file, for the OpenAPI document."""
+    return {"content": {media_type: {"schema": BINARY_SCHEMA} for media_type in media_types}}
 
 
-def _form(photo_schema: Json) -> Json:
-    """A form with a photo, or several, and parameters."""
-    fields = {"properties": {PHOTO_FIELD: photo_schema}, "additionalProperties": _PARAMETERS_SCHEMA}
-    return {FORM_TYPE: {"schema": {"type": "object", "required": [PHOTO_FIELD], **fields}}}
-
-
-_PHOTO_FILES: Json = {photo_type: {"schema": _BINARY_SCHEMA} for photo_type in PHOTO_TYPES}
-_PHOTO_BODY: Json = _form({**_BINARY_SCHEMA, "description": "the file of the photo"}) | _PHOTO_FILES
-_PHOTOS_SCHEMA = {"type": "array", "items": _BINARY_SCHEMA, "minItems": 1}  # the app adds how many at most
-_PHOTOS_BODY: Json = _form(_PHOTOS_SCHEMA) | _PHOTO_FILES
-_RECORD_BODY: Json = {JSON_TYPE: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
-_MAP_RESPONSE: Json = {"content": {entry.media_type: {"schema": _BINARY_SCHEMA} for entry in MAP_FORMATS.values()}}
-_PROBE_RESPONSE: Json = {"content": {JSON_TYPE: {"schema": {"type": "object"}}}}
-_PNG_RESPONSE: Json = {"content": {"image/png": {"schema": _BINARY_SCHEMA}}}
-_JPEG_RESPONSE: Json = {"content": {"image/jpeg": {"schema": _BINARY_SCHEMA}}}
-_SCENE_RESPONSE: Json = {
-    "content": {responses.ZIP_TYPE: {"schema": _BINARY_SCHEMA}},
+_PHOTO_SCHEMA = {**BINARY_SCHEMA, "description": "the file of the photo"}
+_PHOTO_BODY = describe_body(PHOTO_FIELD, _PHOTO_SCHEMA, PHOTO_TYPES)
+_PHOTOS_SCHEMA = {"type": "array", "items": BINARY_SCHEMA, "minItems": 1}  # the app adds how many at most
+_PHOTOS_BODY = describe_body(PHOTO_FIELD, _PHOTOS_SCHEMA, PHOTO_TYPES)
+_RECORD_CONTENT = {JSON_TYPE: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
+_PHOTO_OR_RECORD_BODY = describe_body(PHOTO_FIELD, _PHOTO_SCHEMA, PHOTO_TYPES, _RECORD_CONTENT)
+_MAP_RESPONSE = _file_response(*(entry.media_type for entry in MAP_FORMATS.values()))
+_PROBE_RESPONSE = {"content": {JSON_TYPE: {"schema": {"type": "object"}}}}
+_PNG_RESPONSE, _JPEG_RESPONSE = _file_response("image/png"), _file_response("image/jpeg")
+_SCENE_RESPONSE = _file_response(responses.ZIP_TYPE) | {
     "headers": {
         responses.WARNINGS_HEADER: {
             "description": "Where there is any, a JSON array of sentences about the scene and its light",
@@ -89,14 +71,16 @@ _PHOTO_PROBLEMS = problem_responses(400, 408, 413, 415, 422, 429, 500, 503)
 
 
 class _TaggedRoute(FormRoute):
-    """A route that takes a form, and whose answers have a tag."""
+    """A route that takes a form, and whose answers have a tag: a client sees by it whether one is another."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handle = super().get_route_handler()
 
         async def tag_answer(request: Request) -> Response:
             response = await handle(request)
-            _tag_response(request, response)
+            if response.status_code == 200 and isinstance(response.body, bytes) and "ETag" not in response.headers:
+                data, tag = request.scope.get(RESULT_TAG) or (None, "")
+                response.headers["ETag"] = tag if response.body is data else tag_bytes(response.body)
             return response
 
         return tag_answer
@@ -106,15 +90,20 @@ router = APIRouter(prefix="/v1", tags=["lighting"], route_class=_TaggedRoute)
 operations_router = APIRouter(tags=["operations"])
 
 
-def _body(content: Json) -> Json:
-    """A request body for the OpenAPI document."""
-    return {"requestBody": {"required": True, "content": content}}
+def _get_of_sky(path: str, summary: str, answer: Json) -> Callable[[DecoratedCallable], DecoratedCallable]:
+    """A route whose answer follows from its parameters alone."""
+    return router.get(path, summary=summary, response_class=Response, responses={200: answer, **_SKY_ANSWERS})
 
 
-_get_file = partial(router.get, response_class=Response)
-_post_photo = partial(router.post, response_class=Response, openapi_extra=_body(_PHOTO_BODY))
-_ask_of_photo = partial(router.post, responses=_PHOTO_PROBLEMS, openapi_extra=_body(_PHOTO_BODY))  # answers are JSON
-_post_photo_or_record = partial(router.post, response_class=Response, openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY))
+def _post_photo(
+    path: str, summary: str, answer: Json, body: Json = _PHOTO_BODY
+) -> Callable[[DecoratedCallable], DecoratedCallable]:
+    """A route that answers a photo with a file."""
+    responses = {200: answer, **_PHOTO_PROBLEMS}
+    return router.post(path, summary=summary, response_class=Response, responses=responses, openapi_extra=body)
+
+
+_ask_of_photo = partial(router.post, responses=_PHOTO_PROBLEMS, openapi_extra=_PHOTO_BODY)  # answers are JSON
 
 
 @_ask_of_photo(
@@ -124,14 +113,14 @@ _post_photo_or_record = partial(router.post, response_class=Response, openapi_ex
     response_description="The record of the light: sun, sky, ground and camera",
 )
 async def _estimate_lighting(
-    request: Request, admission: AdmissionDep, photo: PhotoDep, query: Annotated[LightingQuery, Query()]
+    admission: AdmissionDep, photo: PhotoDep, query: Annotated[queries.LightingQuery, Query()]
 ) -> JSONResponse:
     """Where the sun is, what the sky is like and how the camera stood, by pixels, metadata and what is given.
 
     Edit the answer and send it to `POST /v1/envmap` for its map. Several photos go to `POST /v1/lightings`.
     """
     answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
-    return JSONResponse(responses.estimate_to_json(request, answer, query))
+    return JSONResponse(responses.estimate_to_json(admission.request, answer, query))
 
 
 @router.post(
@@ -140,35 +129,27 @@ async def _estimate_lighting(
     response_model=LightingEstimates,
     response_description="A record for each photo, in the order of the photos",
     responses=_PHOTO_PROBLEMS,
-    openapi_extra=_body(_PHOTOS_BODY),
+    openapi_extra=_PHOTOS_BODY,
 )
 async def _estimate_lightings(
-    request: Request, admission: AdmissionDep, photos: UploadsDep, query: Annotated[LightingsQuery, Query()]
+    admission: AdmissionDep, photos: UploadsDep, query: Annotated[queries.LightingsQuery, Query()]
 ) -> JSONResponse:
     """A burst, a panorama sweep or a drive: several files `photo` in one form are taken together."""
     queries.check_photo_headings(len(photos), query)
     answers = await admission.run(tasks.estimate_photos, admission.service, photos, query)
-    records = [responses.estimate_to_json(request, answer, query) for answer in answers]
+    records = [responses.estimate_to_json(admission.request, answer, query) for answer in answers]
     return JSONResponse({"lightings": records})
 
 
-@_get_file("/envmap", summary="The environment map of a sky", responses={200: _MAP_RESPONSE, **_SKY_ANSWERS})
-async def _render_envmap(request: Request, admission: AdmissionDep, query: Annotated[SkyQuery, Query()]) -> Response:
+@_get_of_sky("/envmap", "The environment map of a sky", _MAP_RESPONSE)
+async def _render_envmap(admission: AdmissionDep, query: Annotated[queries.SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
-    headers, unchanged = _check_cache(request, admission.service, query)
-    if unchanged:
-        return unchanged
-    data = await admission.run(tasks.encode_map, admission.service, query.to_lighting(), query)
-    return _map_response(data, query, headers)
+    return await _answer_from_cache(admission, query, lambda: _answer_map(admission, query.to_lighting(), query))
 
 
-@_post_photo_or_record(
-    "/envmap",
-    summary="The environment map of a photo or of a lighting record",
-    responses={200: _MAP_RESPONSE, **_PHOTO_PROBLEMS},
-)
+@_post_photo("/envmap", "The environment map of a photo or of a lighting record", _MAP_RESPONSE, _PHOTO_OR_RECORD_BODY)
 async def _estimate_envmap(
-    admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[EnvmapQuery, Query()]
+    admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[queries.EnvmapQuery, Query()]
 ) -> Response:
     """From a record nothing is estimated: edit it and render again.
 
@@ -176,52 +157,46 @@ async def _estimate_envmap(
     """
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-    data = await admission.run(tasks.encode_map, admission.service, source, query)
-    return _map_response(data, query)
+    return await _answer_map(admission, source, query)
 
 
-@_get_file("/light-probe", summary="The light probe of a sky", responses={200: _PROBE_RESPONSE, **_SKY_ANSWERS})
-async def _compute_probe(
-    request: Request, admission: AdmissionDep, query: Annotated[SkyProbeQuery, Query()]
-) -> Response:
+@_get_of_sky("/light-probe", "The light probe of a sky", _PROBE_RESPONSE)
+async def _compute_probe(admission: AdmissionDep, query: Annotated[queries.SkyProbeQuery, Query()]) -> Response:
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
-    headers, unchanged = _check_cache(request, admission.service, query)
-    if unchanged:
-        return unchanged
-    data = await admission.run(tasks.encode_probe, admission.service, query.to_lighting(), query)
-    return Response(data, media_type=JSON_TYPE, headers=headers)
+    return await _answer_from_cache(admission, query, lambda: _answer_probe(admission, query.to_lighting(), query))
 
 
-@_post_photo_or_record(
-    "/light-probe",
-    summary="The light probe of a photo or of a lighting record",
-    responses={200: _PROBE_RESPONSE, **_PHOTO_PROBLEMS},
+@_post_photo(
+    "/light-probe", "The light probe of a photo or of a lighting record", _PROBE_RESPONSE, _PHOTO_OR_RECORD_BODY
 )
 async def _estimate_probe(
-    admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[PhotoProbeQuery, Query()]
+    admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[queries.PhotoProbeQuery, Query()]
 ) -> Response:
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
     if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-    data = await admission.run(tasks.encode_probe, admission.service, source, query)
-    return Response(data, media_type=JSON_TYPE)
+    return await _answer_probe(admission, source, query)
 
 
-@_post_photo("/photo", summary="A photo upright, as JPEG", responses={200: _JPEG_RESPONSE, **_PHOTO_PROBLEMS})
-async def _show_photo(request: Request, admission: AdmissionDep, photo: PhotoDep) -> Response:
+@_post_photo("/photo", "A photo upright, as JPEG", _JPEG_RESPONSE)
+async def _show_photo(admission: AdmissionDep, photo: PhotoDep) -> Response:
     """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
-    await refuse_parameters(request)  # here, for those in a form
+    await refuse_parameters(admission.request)  # here, for those in a form
     return Response(await admission.run(tasks.encode_upright_jpeg, admission.service, photo), media_type="image/jpeg")
 
 
-@_post_photo("/preview", summary="A picture of a photo's light", responses={200: _PNG_RESPONSE, **_PHOTO_PROBLEMS})
-async def _draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotated[PreviewQuery, Query()]) -> Response:
+@_post_photo("/preview", "A picture of a photo's light", _PNG_RESPONSE)
+async def _draw_preview(
+    admission: AdmissionDep, photo: PhotoDep, query: Annotated[queries.PreviewQuery, Query()]
+) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
     return Response(await admission.run(tasks.encode_preview, admission.service, photo, query), media_type="image/png")
 
 
-@_post_photo("/ground", summary="What a photo shows of the ground", responses={200: _PNG_RESPONSE, **_PHOTO_PROBLEMS})
-async def _draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotated[GroundQuery, Query()]) -> Response:
+@_post_photo("/ground", "What a photo shows of the ground", _PNG_RESPONSE)
+async def _draw_ground(
+    admission: AdmissionDep, photo: PhotoDep, query: Annotated[queries.GroundQuery, Query()]
+) -> Response:
     """A mask as PNG, at most 256 pixels wide or high.
 
     Red is the probability of firm, level ground near by. Green says how far the sun reaches the ground, and is 0 on
@@ -234,7 +209,7 @@ async def _draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotate
     "/ground/lit-spot", summary="The nearest ground in the sun", response_model=LitSpot, response_description="The spot"
 )
 async def _locate_lit_spot(
-    admission: AdmissionDep, photo: PhotoDep, query: Annotated[LitSpotQuery, Query()]
+    admission: AdmissionDep, photo: PhotoDep, query: Annotated[queries.LitSpotQuery, Query()]
 ) -> JSONResponse:
     """The nearest point to (`x`, `y`) where firm ground lies in the sun, with room for an object."""
     return JSONResponse({"spot": await admission.run(tasks.find_lit_spot_in_photo, admission.service, photo, query)})
@@ -246,7 +221,9 @@ async def _locate_lit_spot(
     response_model=DayLight,
     response_description="A record for each time from sunrise to sunset",
 )
-async def _plan_day(admission: AdmissionDep, photo: PhotoDep, query: Annotated[DayQuery, Query()]) -> JSONResponse:
+async def _plan_day(
+    admission: AdmissionDep, photo: PhotoDep, query: Annotated[queries.DayQuery, Query()]
+) -> JSONResponse:
     """The sun follows from place and heading, which the file or the client states. The place around is a guess."""
     study = await admission.run(tasks.plan_day, admission.service, photo, query)
     hours = [
@@ -255,29 +232,21 @@ async def _plan_day(admission: AdmissionDep, photo: PhotoDep, query: Annotated[D
     return JSONResponse({"hours": hours, "warnings": study.warnings})
 
 
-@_get_file("/scene", summary="A scene for another tool, of a sky", responses={200: _SCENE_RESPONSE, **_SKY_ANSWERS})
-async def _render_scene(
-    request: Request, admission: AdmissionDep, query: Annotated[SkySceneQuery, Query()]
-) -> Response:
+@_get_of_sky("/scene", "A scene for another tool, of a sky", _SCENE_RESPONSE)
+async def _render_scene(admission: AdmissionDep, query: Annotated[queries.SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
-    headers, unchanged = _check_cache(request, admission.service, query)
-    if unchanged:
-        return unchanged
-    data, warnings = await admission.run(tasks.zip_scene_of_sky, query)
-    return _scene_response(data, warnings, headers)
+    return await _answer_from_cache(admission, query, lambda: _answer_scene(admission, tasks.zip_scene_of_sky, query))
 
 
-@_post_photo(
-    "/scene", summary="A scene for another tool, of a photo", responses={200: _SCENE_RESPONSE, **_PHOTO_PROBLEMS}
-)
+@_post_photo("/scene", "A scene for another tool, of a photo", _SCENE_RESPONSE)
 async def _estimate_scene(
-    admission: AdmissionDep, photo: PhotoDep, query: Annotated[PhotoSceneQuery, Query()]
+    admission: AdmissionDep, photo: PhotoDep, query: Annotated[queries.PhotoSceneQuery, Query()]
 ) -> Response:
     """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP.
 
     The parameters of a light replace what is estimated.
     """
-    return _scene_response(*await admission.run(tasks.zip_scene_of_photo, admission.service, photo, query))
+    return await _answer_scene(admission, tasks.zip_scene_of_photo, admission.service, photo, query)
 
 
 @router.get(
@@ -304,7 +273,7 @@ async def _describe_model(request: Request, service: ServiceDep) -> Response:
         sky_models=list(SKY_MODELS),
         map_formats=list(MAP_FORMATS),
     )
-    return responses.tagged_json_response(request, card.model_dump(mode="json"))
+    return responses.tag_response(request, JSONResponse(card.model_dump(mode="json")))
 
 
 @operations_router.get("/livez", summary="Whether the process answers")
@@ -338,35 +307,36 @@ async def _metrics(service: ServiceDep) -> Response:
     return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 
-def _map_response(data: bytes, query: queries.MapQuery, headers: dict[str, str] | None = None) -> Response:
-    """An environment map as a file."""
-    return Response(data, media_type=MAP_FORMATS[query.file_options().format].media_type, headers=headers)
+async def _answer_map(admission: Admission, source: bytes | Lighting, query: queries.MapQuery) -> Response:
+    data = await admission.run(tasks.encode_map, admission.service, source, query)
+    return Response(data, media_type=MAP_FORMATS[query.file_options().format].media_type)
 
 
-def _scene_response(data: bytes, warnings: Sequence[str], headers: dict[str, str] | None = None) -> Response:
+async def _answer_probe(admission: Admission, source: bytes | Lighting, query: queries.ProbeQuery) -> Response:
+    data = await admission.run(tasks.encode_probe, admission.service, source, query)
+    return Response(data, media_type=JSON_TYPE)
+
+
+async def _answer_scene(admission: Admission, work: Callable[..., tasks.FileWithWarnings], *arguments: Any) -> Response:
     """A scene as a ZIP archive, with its warnings in a header."""
+    data, warnings = await admission.run(work, *arguments)
     warned = {responses.WARNINGS_HEADER: json.dumps(warnings)} if warnings else {}  # JSON in ASCII, as a header must be
-    return Response(data, media_type=responses.ZIP_TYPE, headers={**(headers or {}), **warned})
+    return Response(data, media_type=responses.ZIP_TYPE, headers=warned)
 
 
-def _cache_headers(query: queries.Query, seconds: int, public: bool) -> dict[str, str]:
-    """Headers that let caches keep a map; the tag is weak since the last bit may differ between machines."""
+async def _answer_from_cache(
+    admission: Admission, query: queries.Query, answer: Callable[[], Awaitable[Response]]
+) -> Response:
+    """An answer that caches may keep, or 304; its tag is weak since the last bit may differ between machines."""
+    service = admission.service
     digest = sha256(f"{__version__} {query.model_dump_json()}".encode()).hexdigest()[:32]
-    scope = "public" if public else "private"
-    return {"ETag": f'W/"{digest}"', "Cache-Control": f"{scope}, max-age={seconds}"}
-
-
-def _check_cache(request: Request, service: Service, query: queries.Query) -> tuple[dict[str, str], Response | None]:
-    """The headers for caches, and the 304 for a client whose copy is still good."""
-    headers = _cache_headers(query, service.settings.cache_seconds, public=not service.keys)
-    return headers, Response(status_code=304, headers=headers) if responses.is_fresh(request, headers["ETag"]) else None
-
-
-def _tag_response(request: Request, response: Response) -> None:
-    """Give a whole answer to a photo the tag of its bytes: a client sees by it whether the answer is another."""
-    if response.status_code == 200 and isinstance(response.body, bytes) and "ETag" not in response.headers:
-        data, tag = request.scope.get(RESULT_TAG) or (None, "")
-        response.headers["ETag"] = tag if response.body is data else tag_bytes(response.body)
+    scope = "private" if service.keys else "public"
+    headers = {"ETag": f'W/"{digest}"', "Cache-Control": f"{scope}, max-age={service.settings.cache_seconds}"}
+    if responses.is_fresh(admission.request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    response = await answer()
+    response.headers.update(headers)
+    return response
 
 
 def _read_accuracy(spec: ModelSpec, folder: Path) -> Json:

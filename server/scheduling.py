@@ -21,7 +21,9 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Receive
 
 import lighting.runtime as runtime
-from server.limits import GROUP_SHARES, UNKNOWN, BusyError, Client, ShareTakenError, Tally
+from server import problems
+from server.limits import UNKNOWN, Client, Tally, load_of_shares
+from server.problems import ProblemError
 
 _T = TypeVar("_T")
 
@@ -72,11 +74,8 @@ class CpuUsage:
             more: seconds to be counted in addition.
             now: the clock's time, at which clients are compared; None reads it.
         """
-        sums, decay = self._seconds, _decay((self._clock() if now is None else now) - self._origin)
-        load = sums.get(client.groups[0], 0.0) * decay + more
-        for group, share in zip(client.groups[1:], GROUP_SHARES[1:], strict=False):
-            load = max(load, (sums.get(group, 0.0) * decay + more) / share)
-        return load
+        now = self._clock() if now is None else now
+        return load_of_shares(self._seconds, client, more, _decay(now - self._origin))
 
     def _move_origin(self, now: float) -> None:
         """Let all count from now, and forget those that used as good as nothing."""
@@ -183,7 +182,7 @@ class WorkLimiter:
     def full(self) -> bool:
         """Whether the next request of a new client would be refused."""
         least = min(self._expected.values(), default=_FIRST_SECONDS)
-        return self.admitted >= self.capacity and not self._can_make_room(_Demand(1.0, least, least), 0)
+        return not self._has_room(_Demand(1.0, least, least), 0)
 
     def check(self, client: Client, route: str = "", size: int = 0) -> None:
         """Raise what `admission` would raise now.
@@ -193,7 +192,7 @@ class WorkLimiter:
             route: of the request.
             size: bytes of its body.
         """
-        if self.admitted >= self.capacity and not self._can_make_room(self._demand(client, route), size):
+        if not self._has_room(self._demand(client, route), size):
             raise self._refusal(client)
 
     @contextmanager
@@ -206,8 +205,7 @@ class WorkLimiter:
             size: bytes of its body.
 
         Raises:
-            ShareTakenError: the queue is full, and this client uses more than others in it.
-            BusyError: the queue is full.
+            ProblemError: 503, the queue is full; 429, and this client uses more than others in it.
         """
         if self.admitted >= self.capacity:
             self._make_room(client, route, size)
@@ -228,9 +226,10 @@ class WorkLimiter:
             self.usage.add(job.client, -job.expected, job.charged)
             self.usage.add(job.client, job.seconds or 0.0)
 
-    def _can_make_room(self, demand: _Demand, size: int) -> bool:
-        """Whether a request is taken though the queue is full."""
-        return self._fits_beyond(demand, size) or self._find_greediest(demand) is not None
+    def _has_room(self, demand: _Demand, size: int) -> bool:
+        """Whether a request is taken, perhaps though the queue is full."""
+        is_free = self.admitted < self.capacity or self._fits_beyond(demand, size)
+        return is_free or self._find_greediest(demand) is not None
 
     def _make_room(self, client: Client, route: str, size: int) -> None:
         """Send away a waiting request, or let this one wait beyond the queue; raises if neither is right."""
@@ -276,15 +275,15 @@ class WorkLimiter:
         jobs = [job for job in demands if demands[job].exceeds(demand)]
         return max(jobs, key=demands.__getitem__, default=None)
 
-    def _refusal(self, client: Client) -> Exception:
+    def _refusal(self, client: Client) -> ProblemError:
         """Why a client is refused: it has its share of the queue, or uses more time than others, or there are many."""
         clients = {client, *(job.client for job in (*self._waiting, *self._running))}
         now = self._clock()
         share = sum(self.usage.load(other, now=now) for other in clients) / len(clients)
         many = self._held.load(client) >= max(1.0, self.capacity / len(clients))
         if many or self.usage.load(client, now=now) > MORE * share:
-            return ShareTakenError("The queue is full, and this client has its share of it.")
-        return BusyError()
+            return ProblemError(problems.SHARE_TAKEN)
+        return ProblemError(problems.BUSY)
 
     async def run(self, job: _Job, receive: Receive, work: Callable[[], _T]) -> _T:
         """Run work in a thread in the client's turn.
@@ -297,7 +296,7 @@ class WorkLimiter:
 
         Raises:
             ClientDisconnect: the client disconnected.
-            ShareTakenError: the queue has filled meanwhile, and others use less.
+            ProblemError: 429 or 503, the queue has filled meanwhile.
         """
         return await _run_unless_disconnected(receive, lambda: self._run_in_turn(job, work))
 
@@ -307,7 +306,8 @@ class WorkLimiter:
         try:
             await job.turn.wait()
             if job.evicted:
-                raise ShareTakenError("The queue is full, and others use less.") if job.had_more else BusyError()
+                taken = ProblemError(problems.SHARE_TAKEN, "The queue is full, and others use less.")
+                raise taken if job.had_more else ProblemError(problems.BUSY)
             return await to_thread.run_sync(partial(_measure, job, work), limiter=self._threads)
         finally:
             self._finish(job)
@@ -365,13 +365,10 @@ class WorkLimiter:
             seconds: for which it has a thread.
         """
         long = {job.client, *(other.client for other in self._waiting if self._is_long(other))}
-        self._forget_absent()
-        clients = self._last.keys() | long | {other.client for other in self._waiting}
-        self._long_from = max(self._long_from, began + seconds * len(clients) / (len(long) * self.workers))
-
-    def _forget_absent(self) -> None:
         since = self._clock() - _RECENT_SECONDS
         self._last = {client: last for client, last in self._last.items() if last > since}
+        clients = self._last.keys() | long | {other.client for other in self._waiting}
+        self._long_from = max(self._long_from, began + seconds * len(clients) / (len(long) * self.workers))
 
     def _expect(self, route: str) -> float:
         return self._expected.get(route, _FIRST_SECONDS)

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, FailFast, Field
 
-from lighting.errors import ErrorCode, WarningCode
+from lighting.errors import WarningCode
 from lighting.fields import OPTIONAL_RANGES
 from lighting.files import MAP_FORMATS
 from lighting.fusion.instants import OTHER_PHOTOS, USER
@@ -15,6 +15,7 @@ from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
 from server import field_types as types
 from server.field_types import InRange, RegistryName, parameter_range
+from server.problems import FieldError
 
 
 def _rgb_field(meaning: str, example: list[float]) -> Any:
@@ -335,19 +336,6 @@ class ModelCard(BaseModel):
 
 class Problem(BaseModel):
     """What went wrong (RFC 9457)."""
-
-    class FieldError(BaseModel):
-        field: str
-        place: Literal["query", "form", "body"] = Field(
-            description="where the field is: in the URL, the form or the body"
-        )
-        detail: str
-        code: str = Field(
-            description="what is wrong, for programs: stable, unlike the sentence",
-            json_schema_extra={"enum": [code.value for code in ErrorCode]},
-        )
-        minimum: float | None = None
-        maximum: float | None = None
 
     type: str = Field(examples=["tag:outdoor-lighting,2026:invalid"])
     title: str = Field(examples=["A parameter is missing, unknown or out of range"])

@@ -2,14 +2,15 @@
 
 import os
 import re
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from functools import lru_cache
-from ipaddress import ip_address, ip_network
+from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from limits import RateLimitItem, parse_many
-from pydantic import BeforeValidator, DirectoryPath, Field, FilePath, SecretStr, field_validator
+from pydantic import AfterValidator, BeforeValidator, DirectoryPath, Field, FilePath, PlainValidator, SecretStr
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from lighting.errors import LightingError
@@ -22,19 +23,15 @@ PREFIX = "LIGHTING_"
 
 _DAY_SECONDS = 86_400.0  # the longest time limit; timers do not accept infinity
 _UNSENDABLE = "holds a character outside ASCII or a control character, which no client could send"
-_ROOT_PATH = re.compile(r"(/[\w.~-]+)*", re.ASCII)
-_HOST_NAME = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)*")
-_COLLECTOR = re.compile(r"https?://[^/?#\s]+(/[^?#\s]*)?")
-_ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s;'\"]+")  # as browsers send it
 
 
 class SettingsError(LightingError):
     """A setting that is invalid."""
 
 
-def _is_sendable(key: str) -> bool:
-    """Whether an Authorization header can carry the key."""
-    return all(" " <= letter <= "~" for letter in key)
+def _find_unsendable(keys: Iterable[str]) -> int | None:
+    """The number, from 1, of the first key that no Authorization header can carry."""
+    return next((n for n, key in enumerate(keys, 1) if not all(" " <= letter <= "~" for letter in key)), None)
 
 
 def _split_words(value: object) -> object:
@@ -55,10 +52,53 @@ def _to_lowercase(value: object) -> object:
     return value.lower() if isinstance(value, str) else value
 
 
-# The last validator comes first.
-Origins = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_words), BeforeValidator(_to_lowercase)]
-Names = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_words), BeforeValidator(_to_lowercase)]
-SecretKeys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_keys)]
+def _check_keys(keys: tuple[SecretStr, ...]) -> tuple[SecretStr, ...]:
+    if number := _find_unsendable(key.get_secret_value() for key in keys):
+        raise ValueError(f"Key {number} {_UNSENDABLE}.")
+    return keys
+
+
+def _parse_limits(text: str) -> tuple[RateLimitItem, ...]:
+    try:
+        limits = tuple(parse_many(text)) if text else ()
+    except ValueError as error:
+        raise ValueError(f"{text} is not a rate limit such as 60/minute or 5/second;1000/day.") from error
+    if any(limit.amount < 1 for limit in limits):
+        raise ValueError(f"{text} lets nobody call; a limit allows at least 1.")
+    return limits
+
+
+def _check_networks(text: str) -> str:
+    list(_parse_networks(text))
+    return text
+
+
+def _like(pattern: str, example: str) -> AfterValidator:
+    """A check that a pattern matches a text, or each of several."""
+
+    def check(value: Any) -> Any:
+        for text in (value,) if isinstance(value, str) else value:
+            if not re.fullmatch(pattern, text):
+                raise ValueError(f"{text} is not {example}.")
+        return value
+
+    return AfterValidator(check)
+
+
+# The last of those before comes first.
+_Words = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_words), BeforeValidator(_to_lowercase)]
+Origins = Annotated[  # as browsers send them
+    _Words,
+    _like(r"\*|[a-z][a-z0-9+.-]*://[^/?#\s;'\"]+", "an origin such as https://example.org, without a slash at its end"),
+]
+Names = Annotated[
+    _Words,
+    _like(r"[a-z0-9_-]+(\.[a-z0-9_-]+)*", "a name such as light.example.org, without scheme and port"),
+]
+SecretKeys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_keys), AfterValidator(_check_keys)]
+Limits = Annotated[tuple[RateLimitItem, ...], NoDecode, PlainValidator(_parse_limits)]
+RootPath = Annotated[str, _like(r"(/[A-Za-z0-9_.~-]+)*", "a path such as /light, without a slash at its end")]
+CollectorUrl = Annotated[str, _like(r"(https?://[^/?#\s]+(/[^?#\s]*)?)?", "a URL such as http://collector:4318")]
 Seconds = Annotated[float, Field(gt=0, le=_DAY_SECONDS)]
 Level = Annotated[Literal["debug", "info", "warning", "error"], BeforeValidator(_to_lowercase)]
 
@@ -126,8 +166,8 @@ class Settings(BaseSettings):
         description="API keys (`Authorization: Bearer KEY`) between commas or spaces; without keys everybody may call",
     )
     api_keys_file: Path | None = Field(None, description="file with further keys, one per line; `#` begins a comment")
-    rate_limit: str = Field("", description="rate limit per client, for example `60/minute` or `5/second;1000/day`")
-    cpu_limit: str = Field("", description="limit per client in seconds of processor time, for example `20/minute`")
+    rate_limit: Limits = Field((), description="rate limit per client, for example `60/minute` or `5/second;1000/day`")
+    cpu_limit: Limits = Field((), description="limit per client in seconds of processor time, for example `20/minute`")
     jobs_folder: DirectoryPath | None = Field(
         None, description="folder of long jobs, their uploads and results; without one there are no jobs"
     )
@@ -143,78 +183,18 @@ class Settings(BaseSettings):
         description="origins whose pages may show the page in a frame, separated by commas or spaces, for example "
         "`https://huggingface.co`",
     )
-    trusted_proxies: str = Field(
+    trusted_proxies: Annotated[str, AfterValidator(_check_networks)] = Field(
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
     )
-    root_path: str = Field(
+    root_path: RootPath = Field(
         "", description="path that a proxy removes from requests, for example `/light`; `/openapi.json` names it"
     )
-    otlp_endpoint: str = Field(
+    otlp_endpoint: CollectorUrl = Field(
         "",
         description="URL of an OpenTelemetry collector that gets traces by OTLP over HTTP, for example "
         "`http://collector:4318`; needs the extra `all`",
     )
     log_level: Level = Field("info", description="lowest level that is logged: debug, info, warning or error")
-
-    @field_validator("rate_limit", "cpu_limit")
-    @classmethod
-    def _check_rate_limit(cls, text: str) -> str:
-        try:
-            limits = parse_many(text) if text else []
-        except ValueError as error:
-            raise ValueError(f"{text} is not a rate limit such as 60/minute or 5/second;1000/day.") from error
-        for limit in limits:
-            if limit.amount < 1:
-                raise ValueError(f"{text} lets nobody call; a limit allows at least 1.")
-        return text
-
-    @field_validator("api_keys")
-    @classmethod
-    def _check_api_keys(cls, keys: tuple[SecretStr, ...]) -> tuple[SecretStr, ...]:
-        for number, key in enumerate(keys, 1):
-            if not _is_sendable(key.get_secret_value()):
-                raise ValueError(f"Key {number} {_UNSENDABLE}.")
-        return keys
-
-    @field_validator("cors_origins", "frame_origins")
-    @classmethod
-    def _check_origins(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
-        for origin in origins:
-            if origin != "*" and not _ORIGIN.fullmatch(origin):
-                raise ValueError(f"{origin} is not an origin such as https://example.org, without a slash at its end.")
-        return origins
-
-    @field_validator("hosts")
-    @classmethod
-    def _check_hosts(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        for name in names:
-            if not _HOST_NAME.fullmatch(name):
-                raise ValueError(f"{name} is not a name such as light.example.org, without scheme and port.")
-        return names
-
-    @field_validator("trusted_proxies")
-    @classmethod
-    def _check_trusted_proxies(cls, text: str) -> str:
-        for address in filter(None, (part.strip() for part in text.split(","))):
-            try:
-                ip_network(address if address != "*" else "0.0.0.0/0")
-            except ValueError as error:
-                raise ValueError(f"{address} is not an IP address or network; names are not looked up.") from error
-        return text
-
-    @field_validator("root_path")
-    @classmethod
-    def _check_root_path(cls, path: str) -> str:
-        if not _ROOT_PATH.fullmatch(path):
-            raise ValueError(f"{path} is not a path such as /light, without a slash at its end.")
-        return path
-
-    @field_validator("otlp_endpoint")
-    @classmethod
-    def _check_otlp_endpoint(cls, url: str) -> str:
-        if url and not _COLLECTOR.fullmatch(url):
-            raise ValueError(f"{url} is not a URL such as http://collector:4318.")
-        return url
 
     @property
     def opened_photo(self) -> tuple[Path, str] | None:
@@ -226,16 +206,6 @@ class Settings(BaseSettings):
     def workers(self) -> int:
         """Requests processed at the same time."""
         return self.concurrency or available_cpus()
-
-    @property
-    def rate_limits(self) -> list[RateLimitItem]:
-        """The parsed `rate_limit`; empty without one."""
-        return parse_many(self.rate_limit) if self.rate_limit else []
-
-    @property
-    def cpu_limits(self) -> list[RateLimitItem]:
-        """The parsed `cpu_limit`; empty without one."""
-        return parse_many(self.cpu_limit) if self.cpu_limit else []
 
     def is_trusted_proxy(self, host: str) -> bool:
         """Whether an address is one of `trusted_proxies`.
@@ -251,16 +221,24 @@ class Settings(BaseSettings):
         return (*(key.get_secret_value() for key in self.api_keys), *in_file)
 
 
+def _parse_networks(text: str) -> Iterator[IPv4Network | IPv6Network]:
+    """The networks between commas, of which `*` is all; ValueError for other words."""
+    for word in filter(None, map(str.strip, text.split(","))):
+        try:
+            yield from map(ip_network, ("0.0.0.0/0", "::/0") if word == "*" else (word,))
+        except ValueError as error:
+            raise ValueError(f"{word} is not an IP address or network; names are not looked up.") from error
+
+
 @lru_cache(maxsize=4096)
 def _is_in_networks(host: str, text: str) -> bool:
-    """Whether an address is in one of the networks between commas; `*` is all."""
-    names = [part.strip() for part in text.split(",") if part.strip()]
+    """Whether an address is in one of the networks between commas."""
     try:
         address = ip_address(host)
     except ValueError:
         return False
     address = getattr(address, "ipv4_mapped", None) or address
-    return any(name == "*" or address in ip_network(name) for name in names)
+    return any(address in network for network in _parse_networks(text))
 
 
 def read_settings() -> Settings:
@@ -288,8 +266,8 @@ def _read_key_file(path: Path) -> list[str]:
     except UnicodeDecodeError as error:
         raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} is not a text file.") from error
     keys = [key for line in lines if (key := line.partition("#")[0].strip())]
-    if unsendable := [number for number, key in enumerate(keys, 1) if not _is_sendable(key)]:
-        raise SettingsError(f"{PREFIX}API_KEYS_FILE: key {unsendable[0]} of {path} {_UNSENDABLE}.")
+    if number := _find_unsendable(keys):
+        raise SettingsError(f"{PREFIX}API_KEYS_FILE: key {number} of {path} {_UNSENDABLE}.")
     if not keys:
         raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} holds no key; leave it unset to let everybody call.")
     return keys

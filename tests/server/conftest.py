@@ -6,6 +6,7 @@ import re
 import time
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode, urljoin
@@ -22,6 +23,7 @@ from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server.app import create_app
 from server.dependencies import Service
+from server.problems import ProblemError, ProblemKind
 from server.schemas import Problem
 from server.settings import PREFIX, Settings
 from tests.conftest import encode, scene
@@ -104,12 +106,21 @@ def sample(client: TestClient, name: str) -> float:
     return float(match[1]) if match else 0.0
 
 
+@contextmanager
+def refused(kind: ProblemKind, detail: str = "") -> Iterator[None]:
+    """What is refused with a problem of this kind, whose detail has these words."""
+    with pytest.raises(ProblemError, match=detail or None) as caught:
+        yield
+    assert caught.value.kind is kind
+
+
 def problem(answer: Any, status: int, name: str) -> dict[str, Any]:
     """The body of an answer that is this problem."""
     assert answer.status_code == status, answer.content[:300]
     assert answer.headers["content-type"] == "application/problem+json"
     body: dict[str, Any] = answer.json()
-    Problem.model_validate(body, strict=True)
+    Problem.model_validate({**body, "errors": []}, strict=True)
+    Problem.model_validate(body)
     assert body["status"] == status
     assert body["type"] == f"tag:outdoor-lighting,2026:{name}"
     assert body["request_id"] == answer.headers["x-request-id"]

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from starlette.types import Receive, Scope, Send
 
+from lighting.estimator import Estimator
 from server import connections
 from server.connections import (
     MAX_CHUNKS,
@@ -26,9 +27,11 @@ from server.connections import (
     Listener,
     bind_listeners,
 )
+from server.dependencies import Service
 from server.limits import ConnectionLimiter, PendingResponses
 from server.middleware import SECURITY_HEADERS
 from server.schemas import Problem
+from server.settings import Settings
 from tests.helpers.processes import serve_app
 
 READ_BYTES = 4096
@@ -77,20 +80,23 @@ async def app(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @pytest.fixture(scope="module")
-def pending() -> PendingResponses:
-    return PendingResponses(LARGE)
+def service(estimator: Estimator) -> Service:
+    return Service(Settings(header_seconds=SECONDS, answer_rate=10_000_000, unsent_bytes=LARGE), estimator)
 
 
 @pytest.fixture(scope="module")
-def port(pending: PendingResponses) -> Iterator[int]:
-    with serve_app(app, protocol(pending, SECONDS)) as number:
+def pending(service: Service) -> PendingResponses:
+    return service.pending
+
+
+@pytest.fixture(scope="module")
+def port(service: Service) -> Iterator[int]:
+    with serve_app(app, protocol(service)) as number:
         yield number
 
 
-def protocol(pending: PendingResponses, seconds: float) -> Any:
-    """A bounded one, with a time limit for what comes between requests."""
-    told: dict[str, Any] = {"pending": pending, "model_name": lambda: "tiny 0.0.1"}
-    return partial(BoundedProtocol, head_seconds=seconds, answer_rate=10_000_000, **told)
+def protocol(service: Service) -> Any:
+    return partial(BoundedProtocol, service=service)
 
 
 def connected(port: int) -> socket.socket:
@@ -268,8 +274,8 @@ def test_a_body_in_crumbs_is_400(port: int) -> None:
     refused(rest(connection), 400, "unreadable-body")
 
 
-def test_crumbs_after_an_answer_end_the_connection(pending: PendingResponses, caplog: pytest.LogCaptureFixture) -> None:
-    with serve_app(app, protocol(pending, seconds=1000.0)) as port:
+def test_crumbs_after_an_answer_end_the_connection(caplog: pytest.LogCaptureFixture) -> None:
+    with serve_app(app, protocol(Service(Settings(header_seconds=1000.0)))) as port:
         connection = connected(port)
         connection.sendall(CHUNKED % b"/early")
         time.sleep(0.2)
@@ -401,16 +407,9 @@ def test_half_a_body_is_no_request(port: int) -> None:
 
 @pytest.mark.usefixtures("waiting")
 def test_silent_connections_give_way_and_working_ones_do_not() -> None:
-    limiter = ConnectionLimiter(3, 3)
-    http: Any = partial(
-        BoundedProtocol,
-        head_seconds=60.0,
-        answer_rate=1,
-        pending=PendingResponses(LARGE),
-        connections=limiter,
-        is_proxy=lambda host: host == "127.0.0.1",
-    )
-    with serve_app(app, http) as port:
+    service = Service(Settings(header_seconds=60.0, answer_rate=1, trusted_proxies="127.0.0.1"))
+    service.connections = limiter = ConnectionLimiter(3, 3)
+    with serve_app(app, protocol(service)) as port:
         working, silent = connected(port), connected(port)
         working.sendall(WAIT)
         until(lambda: limiter.count == 2)

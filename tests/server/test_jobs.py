@@ -30,14 +30,15 @@ from server import job_kinds, jobs
 from server.app import create_app
 from server.job_kinds import MAX_FILES, RESULT_FILE
 from server.job_store import JOBS_FOLDER, RESULT_SECONDS, JobState, JobStore, StoredJob
-from server.limits import BusyError, Client, ShareTakenError, client_of_address
+from server.limits import Client, client_of_address
+from server.problems import BUSY, SHARE_TAKEN
 from server.request_body import RequestBody
 from server.settings import Settings, SettingsError
 from tests.conftest import encode, scene
 from tests.helpers.clips import pan, write_clip
 from tests.helpers.photos import write_png16
 from tests.helpers.skies import JUNE, ball, june_suns, photos
-from tests.server.conftest import pack, problem, wait
+from tests.server.conftest import pack, problem, refused, wait
 
 HOST = client_of_address("192.0.2.1")
 
@@ -245,13 +246,13 @@ def host(number: int) -> Client:
 
 def test_places_have_shares(store: JobStore) -> None:
     first, second = submit_to(store), submit_to(store)
-    with pytest.raises(ShareTakenError):
+    with refused(SHARE_TAKEN):
         submit_to(store)
     end(store, first, error="It failed.")
     third = submit_to(store)  # to which the one that failed gives way
     assert [job.id for job in store.all_jobs()] == [second, third]
     end(store, second)
-    with pytest.raises(ShareTakenError):
+    with refused(SHARE_TAKEN):
         submit_to(store)  # a result is not lost to its own client's next job
     assert not list(store.folder.glob(f"{first}*"))
 
@@ -260,7 +261,7 @@ def test_uploads_that_arrive_count_each(store: JobStore) -> None:
     async def work() -> list[str]:
         async with AsyncExitStack() as stack:
             numbers = [await stack.enter_async_context(store.reserve_place(HOST)) for _ in range(2)]
-            with pytest.raises(ShareTakenError):
+            with refused(SHARE_TAKEN):
                 await stack.enter_async_context(store.reserve_place(HOST))
             await stack.enter_async_context(store.reserve_place(host(2)))
         return numbers
@@ -292,7 +293,7 @@ def test_who_has_most_makes_room(store: JobStore) -> None:
 def test_none_who_waits_makes_room_for_an_equal(store: JobStore) -> None:
     for number in range(1, 9):
         submit_to(store, host(number))
-    with pytest.raises(BusyError):
+    with refused(BUSY):
         submit_to(store, host(9))
 
 

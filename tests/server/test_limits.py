@@ -23,21 +23,19 @@ from server.limits import (
     UNKNOWN,
     ApiKeys,
     ArrivingBody,
-    BusyError,
     ConnectionLimiter,
     PendingResponses,
     RateLimiter,
-    ShareTakenError,
     Tally,
-    TooManyUploadsError,
     UploadLimiter,
     client_of_address,
     client_of_key,
     count_possible_connections,
 )
 from server.limits import Client as Asker
+from server.problems import BUSY, SHARE_TAKEN, TOO_MANY_UPLOADS
 from server.settings import Settings, SettingsError
-from tests.server.conftest import SKY, Client, client_of, jpeg_headers, problem, service_of, until
+from tests.server.conftest import SKY, Client, client_of, jpeg_headers, problem, refused, service_of, until
 
 LARGE = bytes(3 * PLACE_BYTES)  # of a body that needs a place
 
@@ -94,10 +92,10 @@ def body(name: str, rate: float = 1e6) -> ArrivingBody:
 def test_places_run_out_and_come_back() -> None:
     uploads = UploadLimiter(3, 2)
     with uploads.count_upload(body("a")), uploads.count_upload(body("a")):
-        with pytest.raises(TooManyUploadsError), uploads.count_upload(body("a")):
+        with refused(TOO_MANY_UPLOADS), uploads.count_upload(body("a")):
             raise AssertionError("there was no place")
         with uploads.count_upload(body("b")):
-            with pytest.raises(BusyError, match="bodies are arriving"), uploads.count_upload(body("c", 1e3)):
+            with refused(BUSY, "bodies are arriving"), uploads.count_upload(body("c", 1e3)):
                 raise AssertionError("there was no place")
             assert uploads.count == 3
             with uploads.count_upload(body("c", 2e6)):
@@ -109,10 +107,10 @@ def test_places_run_out_and_come_back() -> None:
 def test_a_home_s_networks_share_places() -> None:
     uploads = UploadLimiter(9, 1)
     with uploads.count_upload(body("2001:db8:0:100::1")), uploads.count_upload(body("2001:db8:0:101::1")):
-        with pytest.raises(TooManyUploadsError), uploads.count_upload(body("2001:db8:0:102::1")):
+        with refused(TOO_MANY_UPLOADS), uploads.count_upload(body("2001:db8:0:102::1")):
             raise AssertionError("the /56 has two")
         with uploads.count_upload(body("2001:db8:0:200::1")):
-            with pytest.raises(TooManyUploadsError), uploads.count_upload(body("2001:db8:0:300::1")):
+            with refused(TOO_MANY_UPLOADS), uploads.count_upload(body("2001:db8:0:300::1")):
                 raise AssertionError("the /48 has three")
             with uploads.count_upload(body("64:ff9b::192.0.2.1")), uploads.count_upload(body("64:ff9b::192.0.2.2")):
                 assert uploads.count == 5
@@ -268,13 +266,13 @@ def test_a_client_has_a_quarter_of_what_may_wait() -> None:
     pending.add(Unsent(24), ME)
     pending.check(ME)
     pending.add(Unsent(1), ME)
-    with pytest.raises(ShareTakenError, match="wait for this client"):
+    with refused(SHARE_TAKEN, "wait for this client"):
         pending.check(ME)
     pending.check(YOU)
     home = [client_of_address(f"2001:db8:0:{network:x}::1") for network in (0x100, 0x101, 0x102, 0x200)]
     for client in home[:2]:
         pending.add(Unsent(25), client)
-    with pytest.raises(ShareTakenError):
+    with refused(SHARE_TAKEN):
         pending.check(home[2])  # twice a share waits for its /56
     pending.check(home[3])
 
@@ -512,7 +510,7 @@ def ask(rate: RateLimiter, client: Asker = ME) -> int:
 
 
 def test_a_home_s_networks_share_a_larger_limit() -> None:
-    rate = RateLimiter(Settings(rate_limit="2/minute").rate_limits)
+    rate = RateLimiter(Settings(rate_limit="2/minute").rate_limit)
     home = [client_of_address(f"2001:db8:0:{network:x}::1") for network in (0x100, 0x101, 0x102)]
     assert [ask(rate, home[0]) > 0 for _ in range(3)] == [False, False, True]
     assert [ask(rate, home[1]) > 0 for _ in range(2)] == [False, False]
@@ -529,7 +527,7 @@ class Clock:
 
 def test_processor_time_is_limited_in_a_window_that_moves() -> None:
     clock = Clock()
-    limiter = RateLimiter(Settings(cpu_limit="10/minute; 15/hour").cpu_limits, clock)
+    limiter = RateLimiter(Settings(cpu_limit="10/minute; 15/hour").cpu_limit, clock)
     assert limiter
     assert limiter.seconds_to_wait(ME) == 0
     limiter.charge(ME, 6.0)
@@ -568,7 +566,7 @@ def test_who_has_a_key_is_known_by_it(estimator: Estimator) -> None:
 
 
 def test_several_limits_apply_together() -> None:
-    rate = RateLimiter(Settings(rate_limit="5/second; 2/hour").rate_limits)
+    rate = RateLimiter(Settings(rate_limit="5/second; 2/hour").rate_limit)
     waits = [ask(rate) for _ in range(3)]
     assert waits[:2] == [0, 0]
     assert 3000 < waits[2] <= 3600
@@ -576,7 +574,7 @@ def test_several_limits_apply_together() -> None:
 
 
 def test_a_clock_that_is_set_changes_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    rate, now = RateLimiter(Settings(rate_limit="1/minute").rate_limits), time.time()
+    rate, now = RateLimiter(Settings(rate_limit="1/minute").rate_limit), time.time()
     ask(rate)
     for set_to in (now - 3600, now + 3600):
         monkeypatch.setattr(time, "time", lambda set_to=set_to: set_to)
@@ -584,7 +582,7 @@ def test_a_clock_that_is_set_changes_no_limit(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_refused_request_counts_for_no_limit() -> None:
-    rate = RateLimiter(Settings(rate_limit="1/minute; 3/hour").rate_limits)
+    rate = RateLimiter(Settings(rate_limit="1/minute; 3/hour").rate_limit)
     waits = [ask(rate) for _ in range(9)]
     assert waits[0] == 0
     assert all(0 < wait <= 60 for wait in waits[1:])

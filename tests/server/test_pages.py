@@ -148,7 +148,7 @@ def shown() -> Book:
 
 @cache
 def elements(address: str) -> Elements:
-    page = shown().find_page(address)
+    page = shown().by_address.get(address)
     assert page, address
     return Elements(shown().render_page(page).decode())
 
@@ -179,7 +179,7 @@ def test_a_page_leads_to_what_is_there_and_loads_nothing_from_elsewhere(address:
             assert path in ("/", "/docs", "/favicon.ico"), link
             continue
         name = address if not target else path.removeprefix("/book").removeprefix("/")
-        if shown().find_page(name):
+        if shown().by_address.get(name):
             assert not fragment or fragment in elements(name).values("id"), link
         else:
             assert reader.get(f"/book/{name}").status_code == 200, link
@@ -217,7 +217,7 @@ def test_a_wheel_has_what_a_clone_shows(tmp_path: Path, monkeypatch: pytest.Monk
     wheel = Book()
     assert [page.address for page in wheel.pages] == ADDRESSES
     for page in wheel.pages:
-        original = shown().find_page(page.address)
+        original = shown().by_address.get(page.address)
         assert original
         assert wheel.render_page(page) == shown().render_page(original), page.address
     assert wheel.search_index == shown().search_index

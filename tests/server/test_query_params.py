@@ -45,7 +45,7 @@ SUMMER = timezone(timedelta(hours=2))  # of Munich
 
 
 def error_of(error: ProblemError) -> tuple[str, int]:
-    (found,) = error.more["errors"]
+    (found,) = error.errors
     return found["field"], error.kind.status
 
 

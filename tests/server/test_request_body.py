@@ -47,7 +47,7 @@ def test_what_is_not_json_is_a_problem(data: bytes) -> None:
 def test_an_answer_about_several_photos_and_an_error_are_no_record(content: dict[str, Any]) -> None:
     with pytest.raises(ProblemError) as caught:
         parse_record(json.dumps(content).encode())
-    (error,) = caught.value.more["errors"]
+    (error,) = caught.value.errors
     assert (error["field"], error["place"]) == (list(content)[-1], "body")
 
 
@@ -68,7 +68,7 @@ def test_wrong_fields_are_named_below_the_body(record: Any) -> None:
 def test_a_key_that_is_given_twice_is_refused_and_named(text: str, field: str) -> None:
     with pytest.raises(ProblemError, match=f"^{field}: The key '{field}' is given twice.$") as caught:
         parse_record(text.encode())
-    (error,) = caught.value.more["errors"]
+    (error,) = caught.value.errors
     assert (error["field"], error["place"]) == (field, "body")
 
 

@@ -17,11 +17,12 @@ from lighting.photo.reader import Photo
 from lighting.photo_estimate import Estimate
 from server.app import create_app
 from server.dependencies import Service
-from server.limits import BusyError, ShareTakenError, client_of_address
 from server.limits import Client as Asker
+from server.limits import client_of_address
+from server.problems import SHARE_TAKEN, ProblemError
 from server.scheduling import HALF_LIFE, CpuUsage, WorkLimiter
 from server.settings import Settings
-from tests.server.conftest import Client, until
+from tests.server.conftest import Client, refused, until
 
 
 class Held:
@@ -58,7 +59,7 @@ def test_limiter_places_run_out_and_come_back() -> None:
     with limiter.admission():
         with limiter.admission():
             assert (limiter.admitted, limiter.waiting) == (2, 2)
-            with pytest.raises(ShareTakenError), limiter.admission():
+            with refused(SHARE_TAKEN), limiter.admission():
                 raise AssertionError("there was no place")
         with limiter.admission():
             assert limiter.admitted == 2
@@ -180,8 +181,8 @@ class Runs:
             with self.limiter.admission(client, route, size) as job:
                 await self.limiter.run(job, never, work)
             self.ended[name] = "done"
-        except (BusyError, ShareTakenError) as error:
-            self.ended[name] = type(error).__name__
+        except ProblemError as error:
+            self.ended[name] = error.kind.name
 
 
 def run_scenario(runs: Runs, scenario: Callable[[Any], Any]) -> None:
@@ -209,19 +210,19 @@ def test_who_has_less_takes_the_place_of_the_greediest_one_s_newest() -> None:
     async def scenario(start: Any) -> None:
         for number in range(5):
             await start(f"greedy {number}", GREEDY)
-        assert runs.ended == {"greedy 4": "ShareTakenError"}
+        assert runs.ended == {"greedy 4": "share-taken"}
         assert not runs.limiter.full  # for anybody else
         await start("modest", MODEST)
-        assert runs.ended["greedy 3"] == "ShareTakenError"
+        assert runs.ended["greedy 3"] == "share-taken"
         await start("greedy 5", GREEDY)
-        assert runs.ended["greedy 5"] == "ShareTakenError"
+        assert runs.ended["greedy 5"] == "share-taken"
         await start("other", OTHER)
-        assert runs.ended["greedy 2"] == "ShareTakenError"
+        assert runs.ended["greedy 2"] == "share-taken"
         await start("fourth", Asker(("fourth",)))
-        assert runs.ended["greedy 1"] == "ShareTakenError"
+        assert runs.ended["greedy 1"] == "share-taken"
         assert runs.limiter.full
         await start("late", Asker(("late",)))  # everybody has one
-        assert runs.ended["late"] == "BusyError"
+        assert runs.ended["late"] == "busy"
         assert runs.limiter.admitted == 4
 
     run_scenario(runs, scenario)
@@ -235,7 +236,7 @@ def test_one_site_s_networks_are_as_greedy_as_one_client() -> None:
         for number in range(8):
             await start(f"site {number}", client_of_address(f"2001:db8:0:{256 * number:x}::1"))
         await start("home", client_of_address("2001:db8:1::1"))
-        assert runs.ended == {"site 7": "ShareTakenError"}
+        assert runs.ended == {"site 7": "share-taken"}
 
     run_scenario(runs, scenario)
     assert runs.ended["home"] == "done"
@@ -390,7 +391,7 @@ def test_short_requests_go_first_and_take_the_place_of_long_ones() -> None:
             await start(f"long {number}", Asker((f"hostile {number}",)), route="long")
         assert runs.limiter.admitted == 3
         await start("short", MODEST, route="short")
-        assert [name for name, end in runs.ended.items() if end == "BusyError"] == ["long 2"]
+        assert [name for name, end in runs.ended.items() if end == "busy"] == ["long 2"]
         await start("too long", MODEST, route="long")
         assert runs.ended["too long"] != "done"
         runs.gates["long 0"].set()
@@ -412,9 +413,9 @@ def test_a_client_s_only_request_waits_beyond_the_queue_while_its_body_fits() ->
         assert runs.limiter.waiting == 4
         assert not runs.limiter.full
         await start("again", Asker(("alone 0",)), size=1)
-        assert runs.ended == {"again": "ShareTakenError"}
+        assert runs.ended == {"again": "share-taken"}
         await start("too large", MODEST, size=4)
-        assert runs.ended["too large"] == "BusyError"
+        assert runs.ended["too large"] == "busy"
         await start("small", GREEDY, size=3)
         assert runs.limiter.waiting == 5
 
@@ -428,7 +429,7 @@ def test_requests_wait_beyond_the_queue_while_all_are_done_soon() -> None:
     async def scenario(start: Any) -> None:
         for number in range(40):  # each is expected to take a second
             await start(f"alone {number}", Asker((f"alone {number}",)))
-        assert len([end for end in runs.ended.values() if end == "BusyError"]) == 40 - 31
+        assert len([end for end in runs.ended.values() if end == "busy"]) == 40 - 31
         assert runs.limiter.full
 
     run_scenario(runs, scenario)
@@ -440,6 +441,6 @@ def test_without_a_queue_nothing_waits_beyond_it() -> None:
     async def scenario(start: Any) -> None:
         await start("first", OTHER)
         await start("second", MODEST)
-        assert runs.ended == {"second": "BusyError"}
+        assert runs.ended == {"second": "busy"}
 
     run_scenario(runs, scenario)

@@ -66,7 +66,7 @@ def test_a_number_out_of_its_range_is_refused_with_the_range(value: object) -> N
     with pytest.raises(ValidationError) as caught:
         TypeAdapter(SunElevation).validate_python(value)
     (error,) = caught.value.errors()
-    assert error["ctx"] == {"minimum": -4.2, "maximum": 90.0}
+    assert error["ctx"] == {"minimum": -4.2, "maximum": 90.0, "code": "out-of-range"}
     assert error["msg"] == "must be a number from -4.2 to 90"
 
 
