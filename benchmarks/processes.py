@@ -4,8 +4,9 @@
 
 A wheel of this checkout is built and unpacked with compiled modules; its dependencies are those of this environment. A
 checkout that Python has not compiled yet takes 65 ms more. With `--against`, a checkout of another version takes turns
-with it, and ratios are medians over the pairs. The scene is of a photo of 12 megapixels. The last line is what it takes
-to check every network and table; a command checks those that it reads, while it loads the network.
+with it, and ratios are medians over the pairs. The scene is of a photo of 12 megapixels. `plain script` is what Pillow
+and onnxruntime take by their defaults to read the photo and run the network. The last line is what it takes to check
+every network and table; a command checks those that it reads, while it loads the network.
 """
 
 import argparse
@@ -26,8 +27,10 @@ from benchmarks.common import (
     median_ratio,
     run_apart,
     run_lighting,
+    run_python,
 )
 from lighting.checksum import verify_checksums
+from lighting.model import packaged_model
 
 COMMANDS: dict[str, tuple[str, ...]] = {
     "--help": ("--help",),
@@ -37,6 +40,17 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "scene --for blender": ("scene", "photo.jpg", "--for", "blender", "-o", "scene", "--overwrite", "-q"),
     "envmap --height 4096": ("envmap", str(EXAMPLE), "-o", "sky.exr", "-q", "--height", "4096"),
 }
+_PLAIN_SCRIPT = """
+import sys
+import numpy as np
+import onnxruntime
+from PIL import Image
+onnxruntime.set_default_logger_severity(3)
+session = onnxruntime.InferenceSession(sys.argv[1], providers=["CPUExecutionProvider"])
+(port,) = session.get_inputs()
+image = Image.open(sys.argv[2]).convert("RGB").resize(port.shape[:1:-1])
+session.run(None, {port.name: np.asarray(image, np.float32).transpose(2, 0, 1)[None] / 255})
+"""
 _FEWER = 5  # times fewer runs of a command that takes seconds
 _SECONDS = 2.0  # that one takes
 
@@ -79,6 +93,11 @@ def print_costs(name: str, costs: Sequence[Sequence[ProcessCost]]) -> None:
     print(line, flush=True)
 
 
+def run_plain_script(runs: int) -> list[ProcessCost]:
+    """What Pillow and onnxruntime take of the example; the first run fills the caches and does not count."""
+    return [run_python("-c", _PLAIN_SCRIPT, packaged_model(), EXAMPLE) for _ in range(runs + 1)][1:]
+
+
 def time_checksums(runs: int) -> tuple[float, float]:
     """Seconds and processor seconds of checking every network and table, medians; a command reads some of them."""
     costs = []
@@ -105,6 +124,7 @@ def main() -> None:
         print(f"{'':<22}{'ms':>8}{'CPU ms':>10}{'MB':>8}{'  x time  x CPU ms  other MB' if options.against else ''}")
         for command in options.commands or COMMANDS:
             print_costs(command, run_pairs(sites, COMMANDS[command], Path(name), options.runs))
+    print_costs("plain script", [run_plain_script(options.runs)])
     wall, busy = time_checksums(options.runs)
     print(f"{'checksums of all data':<22}{1000 * wall:8.1f}{1000 * busy:10.1f}")
 
