@@ -37,24 +37,12 @@ _MAX_THUMBNAIL_SIDE = 640  # pixels along the longer side of a thumbnail that do
 _BIG_TIFF, _CLASSIC_TIFF = 43, 42  # in the header of a TIFF with offsets of 64 and of 32 bits
 _INTEGER_TYPES = {3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}  # a tag's types of whole numbers, as struct names them
 _GPS, _INTEROPERABILITY = 0x8825, 0xA005
-_TAG_TYPES = {
-    1: 1,
-    2: 1,
-    3: 2,
-    4: 4,
-    5: 8,
-    6: 1,
-    7: 1,
-    8: 2,
-    9: 4,
-    10: 8,
-    11: 4,
-    12: 8,
-    13: 4,
-    16: 8,
-    17: 8,
-    18: 8,
-}  # bytes
+_TAG_BYTES = {  # of a value, by the tag's type
+    **dict.fromkeys((1, 2, 6, 7), 1),
+    **dict.fromkeys((3, 8), 2),
+    **dict.fromkeys((4, 9, 11, 13), 4),
+    **dict.fromkeys((5, 10, 12, 16, 17, 18), 8),
+}
 _BYTE_TYPES = (1, 2, 7)  # of which Pillow makes one object, whatever their number
 _MAX_NUMBER_BYTES = 1 << 21  # of a picture's own directory: a large TIFF lists its strips, a DNG its color tables
 _MAX_EXIF_NUMBER_BYTES = 1 << 16  # of its EXIF and GPS directories, which hold a few hundred
@@ -80,17 +68,21 @@ _USUAL_SHAPE = (3, 2)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Page:
-    """A page behind a TIFF's thumbnail."""
+    """A page of a TIFF."""
 
-    offset: bytes  # of its directory, as the TIFF writes it
-    first_offset: slice  # where the TIFF holds the offset of its first directory
+    offset: bytes  # of its directory, as the TIFF writes it; that of the first one stands at as many bytes as it has
+    tags: _Tags  # of whole numbers
     has_orientation: bool  # whether the page itself has an orientation
     has_exif: bool  # whether the page itself has an EXIF block
 
+    @property
+    def pixel_count(self) -> int:
+        return _first_value(self.tags, _WIDTH) * _first_value(self.tags, _HEIGHT)
+
     def as_first(self, data: bytes) -> bytes:
         """A copy of the TIFF that has this page as its first."""
-        start, stop = self.first_offset.start, self.first_offset.stop
-        return b"".join((memoryview(data)[:start], self.offset, memoryview(data)[stop:]))
+        size = len(self.offset)
+        return b"".join((memoryview(data)[:size], self.offset, memoryview(data)[2 * size :]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,19 +95,6 @@ class _Layout:
     tag: struct.Struct  # a tag's number, type, count of values, and the values or their offset
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class _DirectoryCost:
-    """What Pillow would make of a directory."""
-
-    tags: int
-    size: int  # bytes of numbers
-    inner: list[tuple[int, int]]  # positions of the tags that name other directories, and of these
-
-    def is_moderate(self, limit: int) -> bool:
-        """Whether there is as little as photos have, with `limit` bytes of numbers."""
-        return self.tags <= _MAX_TAGS and self.size <= limit
-
-
 def photo_page(data: bytes) -> _Page | None:
     """The page that is the photo, where that is not the first; None for all other bytes, damaged ones too.
 
@@ -125,18 +104,9 @@ def photo_page(data: bytes) -> _Page | None:
     Args:
         data: of any file.
     """
-    layout = _layout(data)
-    pages = list(_pages(data, layout)) if layout else []
-    photos = [(offset, tags) for offset, tags in pages[1:] if _is_photo(tags) and _is_thumbnail(pages[0][1], tags)]
-    if layout is None or not photos:
-        return None
-    return _largest_page(layout, photos)
-
-
-def _largest_page(layout: _Layout, pages: list[tuple[int, _Tags]]) -> _Page:
-    offset, tags = max(pages, key=lambda page: _pixel_count(page[1]))
-    first_offset = slice(layout.offset.size, 2 * layout.offset.size)
-    return _Page(layout.offset.pack(offset), first_offset, _ORIENTATION in tags, _EXIF in tags)
+    pages = list(_pages(data))
+    photos = [page for page in pages[1:] if _is_photo(page) and _is_thumbnail(pages[0].tags, page.tags)]
+    return max(photos, key=lambda page: page.pixel_count, default=None)
 
 
 def preview_page(data: bytes) -> _Page | None:
@@ -147,11 +117,9 @@ def preview_page(data: bytes) -> _Page | None:
     Args:
         data: of a RAW file.
     """
-    layout = _layout(data)
-    pages = [(offset, tags) for offset, tags in _pages(data, layout) if _is_preview_in_pieces(tags)] if layout else []
-    if layout is None or not any(_pixel_count(tags) > _largest_jpeg(data)[0] for _, tags in pages):
-        return None
-    return _largest_page(layout, pages)
+    pages = (page for page in _pages(data) if _is_preview_in_pieces(page.tags))
+    largest = max(pages, key=lambda page: page.pixel_count, default=None)
+    return largest if largest and largest.pixel_count > _largest_jpeg(data)[0] else None
 
 
 def _is_preview_in_pieces(tags: _Tags) -> bool:
@@ -168,8 +136,10 @@ def _layout(data: bytes | memoryview) -> _Layout | None:
     return None if fields is None else _Layout(order, *(struct.Struct(order + field) for field in fields))
 
 
-def _pages(data: bytes, layout: _Layout) -> Iterator[tuple[int, _Tags]]:
-    """Offset and tags of the first _MAX_PAGES directories, those below others too."""
+def _pages(data: bytes) -> Iterator[_Page]:
+    """The first _MAX_PAGES pages of a TIFF, those below others too; none of other files."""
+    if (layout := _layout(data)) is None:
+        return
     waiting, visited = deque(layout.offset.unpack_from(data, layout.offset.size)), set[int]()
     while waiting and len(visited) < _MAX_PAGES:
         offset = waiting.popleft()
@@ -180,7 +150,7 @@ def _pages(data: bytes, layout: _Layout) -> Iterator[tuple[int, _Tags]]:
             tags, following = _directory(data, offset, layout)
         except (struct.error, OverflowError):  # it ends behind the file's end
             continue
-        yield offset, tags
+        yield _Page(layout.offset.pack(offset), tags, _ORIENTATION in tags, _EXIF in tags)
         waiting.extend((following, *tags.get(_SUBDIRECTORIES, ())))
 
 
@@ -205,10 +175,10 @@ def _values(data: bytes | memoryview, layout: _Layout, kind: int, count: int, in
     return numbers.unpack_from(data, layout.offset.unpack(inside)[0])
 
 
-def _is_photo(tags: _Tags) -> bool:
+def _is_photo(page: _Page) -> bool:
     """Whether a page is a whole picture in colors, not a sensor's, and no mask of another one."""
-    whole = not _first_value(tags, _SUBFILE) & (_REDUCED_BIT | _MASK_BIT)
-    return whole and not _is_sensor(tags) and _pixel_count(tags) > 0
+    whole = not _first_value(page.tags, _SUBFILE) & (_REDUCED_BIT | _MASK_BIT)
+    return whole and not _is_sensor(page.tags) and page.pixel_count > 0
 
 
 def _is_sensor(tags: _Tags) -> bool:
@@ -227,10 +197,6 @@ def _is_thumbnail(first: _Tags, whole: _Tags) -> bool:
     return 0 < max(width, height) <= _MAX_THUMBNAIL_SIDE and scale >= 2 and fits
 
 
-def _pixel_count(tags: _Tags) -> int:
-    return _first_value(tags, _WIDTH) * _first_value(tags, _HEIGHT)
-
-
 def _first_value(tags: _Tags, tag: int) -> int:
     """A tag's first value; 0 where it is absent."""
     return next(iter(tags.get(tag, ())), 0)
@@ -242,18 +208,15 @@ def without_costly_exif(data: bytes) -> bytes:
     Args:
         data: of any file; PhotoError for a TIFF whose own first directory is not moderate.
     """
-    if (layout := _layout(data)) is None:
-        return data
-    first = _first_directory_cost(data, layout)
-    if not first.is_moderate(_MAX_NUMBER_BYTES):
+    is_costly, inner = _costly_directories(data)
+    if is_costly:
         raise PhotoError("The TIFF has more tags, or more numbers in them, than any camera or editor writes.")
-    costly = [entry for entry, offset in first.inner if not _is_moderate_exif(data, offset, layout)]
-    if costly:
-        changed = bytearray(data)
-        for entry in costly:
-            changed[entry + 2 : entry + 4] = b"\0\0"  # a type of tag that there is not: the tag counts as absent
-        return bytes(changed)
-    return data
+    if not inner:
+        return data
+    changed = bytearray(data)
+    for entry in inner:
+        changed[entry + 2 : entry + 4] = b"\0\0"  # a type of tag that there is not: the tag counts as absent
+    return bytes(changed)
 
 
 def is_moderate(block: bytes | memoryview) -> bool:
@@ -264,36 +227,38 @@ def is_moderate(block: bytes | memoryview) -> bool:
     Args:
         block: of a TIFF or of an EXIF block, without a prefix; other bytes pass.
     """
+    return _costly_directories(block) == (False, [])
+
+
+def _costly_directories(block: bytes | memoryview) -> tuple[bool, list[int]]:
+    """Whether a photo's own directory is costly, and the positions of its tags that name others which are."""
     if (layout := _layout(block)) is None:
-        return True
-    first = _first_directory_cost(block, layout)
-    inner = all(_is_moderate_exif(block, offset, layout) for _, offset in first.inner)
-    return inner and first.is_moderate(_MAX_NUMBER_BYTES)
-
-
-def _is_moderate_exif(block: bytes | memoryview, offset: int, layout: _Layout) -> bool:
-    return _directory_cost(block, offset, layout).is_moderate(_MAX_EXIF_NUMBER_BYTES)
-
-
-def _first_directory_cost(block: bytes | memoryview, layout: _Layout) -> _DirectoryCost:
+        return False, []
     (offset,) = layout.offset.unpack_from(block, layout.offset.size)
-    return _directory_cost(block, offset, layout)
+    is_costly, inner = _is_costly(block, offset, layout, _MAX_NUMBER_BYTES)
+    return is_costly, [entry for entry, at in inner if _is_costly(block, at, layout, _MAX_EXIF_NUMBER_BYTES)[0]]
 
 
-def _directory_cost(block: bytes | memoryview, offset: int, layout: _Layout) -> _DirectoryCost:
+def _is_costly(
+    block: bytes | memoryview, offset: int, layout: _Layout, limit: int
+) -> tuple[bool, list[tuple[int, int]]]:
+    """Whether a directory has more tags than photos have, or over `limit` bytes of numbers.
+
+    Then positions of the tags that name other directories, and of these.
+    """
     size, inner = 0, list[tuple[int, int]]()
     try:
         (count,) = layout.count.unpack_from(block, offset)
         begin = offset + layout.count.size
         for entry in range(begin, begin + min(count, _MAX_TAGS) * layout.tag.size, layout.tag.size):
             tag, kind, values, inside = layout.tag.unpack_from(block, entry)
-            length = 0 if kind in _BYTE_TYPES else values * _TAG_TYPES.get(kind, 0)
+            length = 0 if kind in _BYTE_TYPES else values * _TAG_BYTES.get(kind, 0)
             size += length if length <= len(block) else 0  # Pillow leaves out what cannot be there
             if tag in (_EXIF, _GPS, _INTEROPERABILITY) and kind in _INTEGER_TYPES:
                 inner.append((entry, _values(block, layout, kind, 1, inside)[0]))
     except (struct.error, OverflowError):  # it ends behind the file's end
         count = 0
-    return _DirectoryCost(count, size, inner)
+    return count > _MAX_TAGS or size > limit, inner
 
 
 def is_raw(data: bytes) -> bool:
@@ -309,8 +274,7 @@ def is_raw(data: bytes) -> bool:
     try:
         tags = Image.open(BytesIO(data), formats=["TIFF"]).getexif()
     except Exception:  # Pillow opens no sensor's values, and any other TIFF that it does not open is refused as such
-        layout = _layout(data)
-        return layout is not None and any(_is_sensor(tags) for _, tags in _pages(data, layout))
+        return any(_is_sensor(page.tags) for page in _pages(data))
     reduced = tags.get(_SUBFILE) == 1 and photo_page(data) is None  # a thumbnail, as RAW files begin, of no other page
     sensor = tags.get(_PHOTOMETRIC) in _SENSOR_PHOTOMETRICS or tags.get(_COMPRESSION) in _RAW_COMPRESSIONS
     return _DNG_VERSION in tags or reduced or sensor
