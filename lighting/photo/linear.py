@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,18 +24,18 @@ from lighting.photo.formats import kind_name
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata
 from lighting.photo.pixels import check_bit_depth, gray_16_bit, make_upright
 from lighting.photo.sidecars import read_sidecar
-from lighting.photo.tags import PhotoTags, read_tags
+from lighting.photo.tags import read_tags
 from lighting.photo.tiff import open_raw_header, photo_page
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
 
-_Kind = TypeVar("_Kind", bound=np.generic)
 RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl")
 _CLIPPED_FROM = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
 _GRAY_ALPHA = "LA;16B"  # Pillow's name for gray of 16 bits with transparency in a PNG, of which it keeps half the bits
 _GRAY_MODES = ("1", "L", "LA")
 _KIND_HEAD = 1 << 16  # bytes that tell what a file is
+_OPPOSITE = {6: 8, 8: 6}  # of orientations that are not their own: Pillow has rotated a TIFF
 _MIN_PLATEAU = 3  # pixels of exactly the largest value that say a float picture was clipped there
 
 
@@ -65,17 +65,6 @@ class LinearPhoto:
 
 class _DecoderError(Exception):
     """What a decoder raised."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Stored:
-    """A picture as its file holds it."""
-
-    samples: NDArray[np.integer]  # (H, W, C) of 8 or 16 bits, as the sensor had it; C is 1 for gray, else 3
-    header: Image.Image
-    tags: PhotoTags  # of the picture whose EXIF block counts
-    orientation: int | None  # by EXIF
-    to_rec709: NDArray[np.float32] | None  # (3, 3) by the file's primaries; None: they are Rec.709's
 
 
 def read_linear(path: str | Path, curve: Curve | None = None, *, upright: bool = False) -> LinearPhoto:
@@ -121,36 +110,30 @@ def linear_from_array(pixels: Pixels) -> LinearPhoto:
 
 
 def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto:
-    stored = _read_stored(file.read_bytes())
-    samples = make_upright(stored.samples, stored.orientation) if upright else stored.samples
-    full = int(np.iinfo(samples.dtype).max)
-    coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
-    linear = _linearize(samples, coded)
-    if (matrix := stored.to_rec709) is not None:
-        linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
-    doubtful = full > 255 and curve is None and is_gamma_encoded(stored.header)
-    white, step = (float(srgb_decode(_CLIPPED_FROM)), 1 / full / 12.92) if coded else (_CLIPPED_FROM, 1 / full)
-    exposure = read_exposure(stored.tags.camera)
-    metadata = read_metadata(stored.tags, linear.shape[1], linear.shape[0], read_sidecar(file))
-    warnings, gray = _curve_warnings(stored.header, full == 255 and curve is None, doubtful), samples.shape[2] == 1
-    return LinearPhoto(linear, white, step, exposure, metadata, warnings, gray, coded, doubtful)
-
-
-def _read_stored(data: bytes) -> _Stored:
+    data = file.read_bytes()
     page = photo_page(data)
     first_page = page.as_first(data) if page else data
     image = _open(first_page)
-    if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
+    if image.format == "TIFF":
+        check_bit_depth(image, all_bits=True)
+        own, tags = read_tags(image), read_tags(_open(first_page if page and page.has_exif else data))
+        samples = make_upright(_read_samples(image, first_page), _OPPOSITE.get(own.orientation or 1, own.orientation))
+    else:
         samples = _read_samples(image, first_page)
-        tags = read_tags(image)
-        encoding = read_color_encoding(image, first_page, tags, tags)
-        return _Stored(samples, image, tags, tags.orientation, encoding.to_rec709)
-    check_bit_depth(image, all_bits=True)
-    own, tags = read_tags(image), read_tags(_open(first_page if page and page.has_exif else data))
-    samples = _undo_upright(_read_samples(image, first_page), own.orientation)  # Pillow has rotated it
-    orientation = tags.orientation if page and not page.has_orientation else own.orientation
-    encoding = read_color_encoding(image, first_page, own, tags)
-    return _Stored(samples, image, tags, orientation, encoding.to_rec709)
+        own = tags = read_tags(image)  # after the samples, for Pillow decodes a PNG to find EXIF
+    if upright:
+        samples = make_upright(samples, (tags if page and not page.has_orientation else own).orientation)
+    full = int(np.iinfo(samples.dtype).max)
+    coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
+    linear = _linearize(samples, coded)
+    if (matrix := read_color_encoding(image, first_page, own, tags).to_rec709) is not None:
+        linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
+    doubtful = full > 255 and curve is None and is_gamma_encoded(image)
+    white, step = (float(srgb_decode(_CLIPPED_FROM)), 1 / full / 12.92) if coded else (_CLIPPED_FROM, 1 / full)
+    exposure = read_exposure(tags.camera)
+    metadata = read_metadata(tags, linear.shape[1], linear.shape[0], read_sidecar(file))
+    warnings, gray = _curve_warnings(image, full == 255 and curve is None, doubtful), samples.shape[2] == 1
+    return LinearPhoto(linear, white, step, exposure, metadata, warnings, gray, coded, doubtful)
 
 
 def _open(data: bytes) -> Image.Image:
@@ -292,13 +275,3 @@ def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float |
     with header as image:
         tags, beside = read_tags(image), read_sidecar(file)
     return read_metadata(tags, image.width, image.height, beside), read_exposure(tags.camera)
-
-
-def _undo_upright(pixels: NDArray[_Kind], orientation: int | None) -> NDArray[_Kind]:
-    """The view of which `make_upright` makes these pixels.
-
-    Args:
-        pixels: (h, w, C), upright.
-        orientation: 1 to 8; None: upright.
-    """
-    return make_upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))

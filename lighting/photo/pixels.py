@@ -23,15 +23,8 @@ _STRIP_PIXELS = 1 << 22  # converted at once
 _BITS, _PHOTOMETRIC, _PLANAR = 0x102, 0x106, 0x11C  # tags of a TIFF
 _WHITE_IS_ZERO, _PLANES = 0, 2  # what the latter two may say: the order of greys, colours one after another
 _MID_GRAY = (128, 128, 128)  # sRGB, behind what is transparent
-_UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
-    2: lambda pixels: pixels[:, ::-1],
-    3: lambda pixels: pixels[::-1, ::-1],
-    4: lambda pixels: pixels[::-1],
-    5: lambda pixels: pixels.transpose(1, 0, 2),
-    6: lambda pixels: pixels[::-1].transpose(1, 0, 2),
-    7: lambda pixels: pixels[::-1, ::-1].transpose(1, 0, 2),
-    8: lambda pixels: pixels[:, ::-1].transpose(1, 0, 2),
-}
+_FLIPS = {2: (1, -1), 3: (-1, -1), 4: (-1, 1), 6: (-1, 1), 7: (-1, -1), 8: (1, -1)}  # steps of rows and of columns
+_TRANSPOSED = (5, 6, 7, 8)  # EXIF orientations that then change rows and columns
 
 
 @contextmanager
@@ -91,8 +84,9 @@ def make_upright(pixels: NDArray[_Kind], orientation: int | None) -> NDArray[_Ki
         pixels: (h, w, C).
         orientation: 1 to 8; None: upright.
     """
-    rotate = _UPRIGHT.get(orientation or 1)
-    return pixels if rotate is None else rotate(pixels)
+    rows, columns = _FLIPS.get(orientation or 1, (1, 1))
+    view = pixels[::rows, ::columns]
+    return view.swapaxes(0, 1) if orientation in _TRANSPOSED else view
 
 
 def _reduction_factor(width: int, height: int, target: int) -> int:

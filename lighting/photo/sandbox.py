@@ -75,8 +75,6 @@ _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more t
 }
 _Record = TypeVar("_Record")
 _hints: Callable[[type], dict[str, object]] = cache(get_type_hints)  # of a record, once
-_origin: Callable[[object], object] = cache(get_origin)  # of a type: Union, UnionType, tuple or None
-_parts: Callable[[object], tuple[object, ...]] = cache(get_args)  # of such a type
 
 _READY = b"ready\n"
 _MAX_HEADER = 1 << 16  # bytes of an answer before its pixels
@@ -123,15 +121,22 @@ def read_photo_isolated(
         sidecar: what `read_sidecar` returned; None: look beside a path.
     """
     file = None if isinstance(source, bytes) else Path(source).absolute()
-    if file is not None:
-        _check_file(file)
+    if file is not None and file.exists() and not (file.is_file() or file.is_dir()):
+        raise PhotoError("This is a pipe or a device; a photo is a file.")  # which may never end
     changed = modified(file) if file is not None and file.is_file() else None
     data = read_bytes(source, max_bytes)
     if sidecar is None:
         sidecar = {} if isinstance(source, bytes) else read_sidecar(source)
     request = _DecodeRequest(len(data), max_bytes, max_pixels, target, seconds, tuple(sidecar.items()))
-    with trace_step("decode"), _borrow_decoder() as decoder:
-        photo = decoder.read(request, data)
+    try:
+        decoder = _idle.pop()
+    except IndexError:  # all are in use
+        decoder = _DecoderProcess()
+    try:
+        with trace_step("decode"):
+            photo = decoder.read(request, data)
+    finally:
+        _idle.append(decoder)
     return replace(photo, source=_IsolatedOrigin(file or data, changed, max_bytes, max_pixels, seconds))
 
 
@@ -147,12 +152,6 @@ class _IsolatedOrigin(PhotoOrigin):
         return read_photo_isolated(self.data, **limits, target=target, seconds=self.seconds, sidecar={})
 
 
-def _check_file(path: Path) -> None:
-    """Raise PhotoError for a pipe or a device, which may never end."""
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise PhotoError("This is a pipe or a device; a photo is a file.")
-
-
 def start_decoder_pool(count: int) -> None:
     """Start processes, so that no photo waits for one; PhotoError where they do not start.
 
@@ -163,7 +162,7 @@ def start_decoder_pool(count: int) -> None:
     for decoder in started:
         decoder.start()
     for decoder in started:
-        decoder.wait()
+        decoder.prepare()
         _idle.append(decoder)
 
 
@@ -177,13 +176,24 @@ class _DecoderProcess:
         atexit.register(self.end)
 
     def read(self, request: _DecodeRequest, data: bytes) -> Photo:
-        """The photo of a request; raises as `read_photo_isolated`."""
+        """The photo of a request; raises as `read_photo_isolated`. A process that was killed or died is replaced."""
+        answer: Photo | Exception | None = None
+        death = suppress(EOFError, BrokenPipeError, TypeError, ValueError, RecursionError)  # or an answer that is none
         try:
             self.prepare()
-            answer = self._read_in_time(request, data)
+            budget = memory_budget(len(data), request.max_pixels, request.target)
+            helper = runtime.charge_helper(self.pid)
+            with helper, _alarm(request.seconds, self._running) as expired, death:
+                runtime.limit_address_space(self._own_memory + budget, self.pid)
+                answer = _request_photo(self._running, request, data)
+            if expired.is_set() or answer is None:
+                self.start()
         except BaseException:  # whatever it is, the process may be in the middle of an answer
             self.end()
             raise
+        if answer is None and expired.is_set():
+            answer = PhotoTooLargeError(f"The photo takes longer than {request.seconds:g} seconds to decode.")
+        answer = answer or PhotoError("The photo ended the process that decoded it.")
         if isinstance(answer, Exception):
             raise answer
         return answer
@@ -193,19 +203,21 @@ class _DecoderProcess:
         """The number of the process that runs."""
         return self._running.pid
 
+    def start(self) -> None:
+        """Start the process, in place of one that ended, without waiting for it."""
+        self.end()
+        self._process = runtime.start_python(_WORKER_CODE, _ENVIRONMENT)
+        if sys.platform == "linux":
+            import fcntl
+
+            for stream in _pipes(self._process):
+                with suppress(OSError):  # where a user's pipes may hold less
+                    fcntl.fcntl(stream, fcntl.F_SETPIPE_SZ, _PIPE)
+
     def prepare(self) -> None:
         """Have a process that takes requests; raises PhotoError where it does not start."""
         if self._process is None or self._process.poll() is not None:
             self.start()
-        self.wait()
-
-    def start(self) -> None:
-        """Start the process, in place of one that ended, without waiting for it."""
-        self.end()
-        self._process = _start_process()
-
-    def wait(self) -> None:
-        """Wait until the process takes requests; raises PhotoError where it never does."""
         if self._ready:
             return
         with _alarm(_START_SECONDS, self._running):
@@ -230,38 +242,8 @@ class _DecoderProcess:
         assert self._process
         return self._process
 
-    def _read_in_time(self, request: _DecodeRequest, data: bytes) -> Photo | Exception:
-        """The photo or why there is none; a process that was killed or died is replaced."""
-        answer: Photo | Exception | None = None
-        death = suppress(EOFError, BrokenPipeError, TypeError, ValueError, RecursionError)  # or an answer that is none
-        budget = memory_budget(len(data), request.max_pixels, request.target)
-        helper = runtime.charge_helper(self.pid)
-        with helper, _alarm(request.seconds, self._running) as expired, death:
-            runtime.limit_address_space(self._own_memory + budget, self.pid)
-            answer = _request_photo(self._running, request, data)
-        if expired.is_set() or answer is None:
-            self.start()
-        if answer is not None:
-            return answer
-        if expired.is_set():
-            return PhotoTooLargeError(f"The photo takes longer than {request.seconds:g} seconds to decode.")
-        return PhotoError("The photo ended the process that decoded it.")
-
 
 _idle: list[_DecoderProcess] = []  # taken and given back by threads; both are single steps
-
-
-@contextmanager
-def _borrow_decoder() -> Iterator[_DecoderProcess]:
-    """A decoder that nobody else uses; a new one where all are in use."""
-    try:
-        decoder = _idle.pop()
-    except IndexError:
-        decoder = _DecoderProcess()
-    try:
-        yield decoder
-    finally:
-        _idle.append(decoder)
 
 
 def _request_photo(process: "Popen[bytes]", request: _DecodeRequest, data: bytes) -> Photo | Exception:
@@ -341,7 +323,7 @@ def _parse_record(kind: type[_Record], value: object) -> _Record:
 def _parse(hint: object, value: object) -> object:
     if hint in (int, str, bool) and type(value) is hint:
         return value
-    origin, parts = _origin(hint), _parts(hint)
+    origin, parts = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
         if value is None and NoneType in parts:
             return None
@@ -382,17 +364,6 @@ def _alarm(seconds: float, process: "Popen[bytes]") -> Iterator[Event]:
         timer.join()
 
 
-def _start_process() -> "Popen[bytes]":
-    process = runtime.start_python(_WORKER_CODE, _ENVIRONMENT)
-    if sys.platform == "linux":
-        import fcntl
-
-        for stream in _pipes(process):
-            with suppress(OSError):  # where a user's pipes may hold less
-                fcntl.fcntl(stream, fcntl.F_SETPIPE_SZ, _PIPE)
-    return process
-
-
 def _pipes(process: "Popen[bytes]") -> tuple[BufferedWriter, BufferedReader]:
     """Where requests go, and where answers come from."""
     assert isinstance(process.stdin, BufferedWriter)
@@ -417,8 +388,8 @@ def _serve_decoder() -> None:
 
 def _answer_request(request: _DecodeRequest, data: bytes, answers: BinaryIO) -> None:
     try:
-        sidecar, limits = dict(request.sidecar), (request.max_bytes, request.max_pixels)
-        photo = read_photo(data, max_bytes=limits[0], max_pixels=limits[1], target=request.target, sidecar=sidecar)
+        limits = {"max_bytes": request.max_bytes, "max_pixels": request.max_pixels, "target": request.target}
+        photo = read_photo(data, **limits, sidecar=dict(request.sidecar))
     except Exception as error:
         field, code = getattr(error, "field", None), getattr(error, "code", None)
         answers.write(_json_line(asdict(_Failure(type(error).__name__, str(error), field, code))))
