@@ -24,7 +24,7 @@ import struct
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -41,6 +41,7 @@ from lighting.color import (
     chromaticities_to_rec709,
     srgb_bytes,
 )
+from lighting.photo.containers import png_chunks
 from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, PhotoTags, read_text
 
 if TYPE_CHECKING:
@@ -91,14 +92,20 @@ class ColorEncoding:
 
     def to_srgb(self) -> Callable[[Image.Image], NDArray[np.uint8]]:
         """A function from pictures in mode L, RGB or CMYK to 8-bit sRGB (h, w, 3), for the parts of one picture."""
-        transform = _profile_transform(self.profile) if self.profile else None
-        if transform is not None:
-            return transform
+        if self.profile and (icc := _open_profile(self.profile)) is not None:
+            by_mode = cache(lambda mode: _build_transform(icc, mode) or _as_rgb)
+            return lambda image: by_mode(image.mode)(image)
         if self.curve == "srgb" and self.to_rec709 is None and self.full_range:
             return _as_rgb
         table = _curve_table(self.curve, self.full_range)
-        show = _hlg_ootf if self.curve == "hlg" else _unchanged
-        return lambda image: srgb_bytes(_rotate_colors(show(table[_as_rgb(image)]), self.to_rec709))
+
+        def convert(image: Image.Image) -> NDArray[np.uint8]:
+            linear = table[_as_rgb(image)]
+            if self.curve == "hlg":  # from light of a scene to what a display shows, both 1 at diffuse white
+                linear = linear * (linear @ _BT2020_LUMINANCE)[..., None] ** np.float32(_HLG_SYSTEM_GAMMA - 1)
+            return srgb_bytes(linear if self.to_rec709 is None else linear @ self.to_rec709.T)
+
+        return convert
 
 
 def read_color_encoding(image: Image.Image, data: bytes, own: PhotoTags, tags: PhotoTags) -> ColorEncoding:
@@ -138,17 +145,12 @@ def _by_code_points(primaries: int, curve: int, full_range: bool) -> ColorEncodi
 
 def _png_code_points(data: bytes) -> tuple[int, int, bool] | None:
     """Primaries, curve and range of a PNG's `cICP`, which stands before its pixels and palette."""
-    if not data.startswith(b"\x89PNG\r\n\x1a\n"):
-        return None
-    position = 8
-    while position + 12 <= len(data):
-        length, kind = struct.unpack_from(">I4s", data, position)
+    for kind, start, length in png_chunks(data):
         if kind in (b"IDAT", b"PLTE", b"IEND"):
-            return None
-        if kind == b"cICP" and length >= 4 and position + 12 <= len(data):
-            primaries, curve, _matrix, full = data[position + 8 : position + 12]
+            break
+        if kind == b"cICP" and length >= 4 and start + 4 <= len(data):
+            primaries, curve, _matrix, full = data[start : start + 4]
             return primaries, curve, full != 0
-        position += 12 + length
     return None
 
 
@@ -228,8 +230,7 @@ def _by_profile(profile: bytes) -> ColorEncoding | None:
         return None
     if _is_srgb(icc):
         return ColorEncoding()
-    matrix = _profile_to_rec709(profile)
-    curve = _hdr_curve(profile)
+    matrix, curve = _profile_to_rec709(icc), _hdr_curve(icc)
     return ColorEncoding(curve, matrix) if curve else ColorEncoding(to_rec709=matrix, profile=profile)
 
 
@@ -252,15 +253,10 @@ def _srgb_profile() -> "ImageCms.ImageCmsProfile":
     return ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))
 
 
-def _profile_to_rec709(profile: bytes | None) -> _Matrix | None:
-    """The matrix (3, 3) from an ICC profile's primaries to Rec.709's; None where they are the same or unknown.
-
-    Args:
-        profile: bytes of an ICC profile, damaged ones too; None: no profile.
-    """
-    icc = _open_profile(profile or b"")
-    primaries, srgb = _to_xyz(icc.profile) if icc else None, _to_xyz(_srgb_profile().profile)
-    if primaries is None or srgb is None:  # a bad profile, or one of tables
+def _profile_to_rec709(icc: "ImageCms.ImageCmsProfile") -> _Matrix | None:
+    """The matrix (3, 3) from an ICC profile's primaries to Rec.709's; None where they are the same or unknown."""
+    primaries, srgb = _to_xyz(icc.profile), _to_xyz(_srgb_profile().profile)
+    if primaries is None or srgb is None:  # a profile of tables
         return None
     matrix = np.linalg.solve(srgb, primaries)
     unfit = not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3), rtol=0.0, atol=_SAME)
@@ -285,22 +281,23 @@ def is_gamma_encoded(header: Image.Image) -> bool:
     gamma = header.info.get("gamma")
     if "srgb" in header.info or (gamma is not None and not 0.9 <= float(gamma) <= 1.1):
         return True
-    shown = _shown_greys(header.info.get("icc_profile"), (128,))
+    icc = _open_profile(header.info.get("icc_profile") or b"")
+    shown = None if icc is None else _shown_greys(icc, (128,))
     return shown is not None and bool(shown[0] < _LINEAR_GREY)
 
 
-def _shown_greys(profile: bytes | None, greys: tuple[int, ...]) -> NDArray[np.uint8] | None:
+def _shown_greys(icc: "ImageCms.ImageCmsProfile", greys: tuple[int, ...]) -> NDArray[np.uint8] | None:
     """The sRGB levels (N,) of some greys by an ICC profile; None where it tells none."""
-    icc, picture = _open_profile(profile or b""), Image.fromarray(np.array(greys, dtype=np.uint8)[None])
+    picture = Image.fromarray(np.array(greys, dtype=np.uint8)[None])
     for mode in ("RGB", "L"):
-        if icc and (convert := _build_transform(icc, mode)):
+        if convert := _build_transform(icc, mode):
             return convert(picture.convert(mode))[0, :, 1]
     return None
 
 
-def _hdr_curve(profile: bytes) -> Literal["pq", "hlg"] | None:
+def _hdr_curve(icc: "ImageCms.ImageCmsProfile") -> Literal["pq", "hlg"] | None:
     """The HDR curve that a profile has, which states none by a tag; its largest value then has the peak's light."""
-    shown = _shown_greys(profile, _HDR_SIGNALS)
+    shown = _shown_greys(icc, _HDR_SIGNALS)
     if shown is None:
         return None
     signals = np.array(_HDR_SIGNALS) / 255.0
@@ -310,21 +307,6 @@ def _hdr_curve(profile: bytes) -> Literal["pq", "hlg"] | None:
         if np.abs(shown.astype(int) - expected).max() <= _HDR_TOLERANCE:
             return name
     return None
-
-
-def _profile_transform(profile: bytes) -> Callable[[Image.Image], NDArray[np.uint8]] | None:
-    """A function as of `to_srgb` by a profile; None for what is none."""
-    icc = _open_profile(profile)
-    if icc is None:
-        return None
-    transforms: dict[str, Callable[[Image.Image], NDArray[np.uint8]]] = {}
-
-    def convert(image: Image.Image) -> NDArray[np.uint8]:
-        if image.mode not in transforms:
-            transforms[image.mode] = _build_transform(icc, image.mode) or _as_rgb
-        return transforms[image.mode](image)
-
-    return convert
 
 
 def _build_transform(icc: "ImageCms.ImageCmsProfile", mode: str) -> Callable[[Image.Image], NDArray[np.uint8]] | None:
@@ -340,19 +322,14 @@ def _build_transform(icc: "ImageCms.ImageCmsProfile", mode: str) -> Callable[[Im
 
 def _is_srgb(icc: "ImageCms.ImageCmsProfile") -> bool:
     """Whether a profile makes sRGB's colors of values, whatever its name says."""
-    samples, convert = _sample_colors(), _build_transform(icc, "RGB")
+    convert = _build_transform(icc, "RGB")
     if convert is None:
         return False
-    return bool(np.abs(convert(Image.fromarray(samples)).astype(int) - samples).max() <= _SAME_LEVELS)
-
-
-@lru_cache(maxsize=1)
-def _sample_colors() -> NDArray[np.uint8]:
-    """Colors (1, N, 3) that tell profiles apart: greys, primaries and what lies between."""
     levels = np.arange(0, 256, 51, dtype=np.uint8)
     cube = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(1, -1, 3)
     greys = np.repeat(np.arange(0, 256, 5, dtype=np.uint8)[None, :, None], 3, axis=-1)
-    return np.concatenate([cube, greys], axis=1)
+    samples = np.concatenate([cube, greys], axis=1)  # which tell profiles apart
+    return bool(np.abs(convert(Image.fromarray(samples)).astype(int) - samples).max() <= _SAME_LEVELS)
 
 
 # Curves.
@@ -367,19 +344,6 @@ def _curve_table(curve: _Curve, full_range: bool) -> NDArray[np.float32]:
     if isinstance(curve, float):
         return np.asarray(levels**curve, dtype=np.float32)
     return np.asarray(DECODE_CURVES[curve](levels), dtype=np.float32)
-
-
-def _hlg_ootf(scene: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light that a display shows, 1 at diffuse white, of HLG's light of a scene (..., 3), 1 there as well."""
-    return scene * (scene @ _BT2020_LUMINANCE)[..., None] ** np.float32(_HLG_SYSTEM_GAMMA - 1)
-
-
-def _unchanged(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-    return linear
-
-
-def _rotate_colors(linear: NDArray[np.float32], matrix: _Matrix | None) -> NDArray[np.float32]:
-    return linear if matrix is None else linear @ matrix.T
 
 
 def _as_rgb(image: Image.Image) -> NDArray[np.uint8]:

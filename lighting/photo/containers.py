@@ -12,6 +12,7 @@ References:
 """
 
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,18 +52,21 @@ def check_structure(data: bytes) -> None:
     """
     if data.startswith(b"\xff\xd8\xff"):
         _check_scans(data)
-    elif data.startswith(_PNG_SIGNATURE):
-        _check_chunks(data)
-
-
-def _check_chunks(data: bytes) -> None:
-    position = len(_PNG_SIGNATURE)
-    for _ in range(_MAX_CHUNKS):
-        if position >= len(data):
-            return
-        position += _CHUNK_OVERHEAD + int.from_bytes(data[position : position + 4])
-    if position < len(data):
+    elif next(islice(png_chunks(data), _MAX_CHUNKS, None), None):
         raise PhotoError(f"The PNG has more than {_MAX_CHUNKS} chunks, which no camera or editor writes.")
+
+
+def png_chunks(data: bytes) -> Iterator[tuple[bytes, int, int]]:
+    """Kind, position and length [bytes] of what each chunk of a PNG holds; the last may be cut short.
+
+    Args:
+        data: of any file; others than a PNG have none.
+    """
+    position = len(_PNG_SIGNATURE) if data.startswith(_PNG_SIGNATURE) else len(data)
+    while position < len(data):
+        length = int.from_bytes(data[position : position + 4])
+        yield data[position + 4 : position + 8], position + 8, length
+        position += _CHUNK_OVERHEAD + length
 
 
 def _check_scans(data: bytes) -> None:

@@ -9,7 +9,7 @@ top to its foot.
 
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,7 +32,7 @@ _LANDSCAPE, _PORTRAIT = (1, 3), (6, 8)  # orientations that keep the sensor's lo
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _CameraTilt:
+class CameraTilt:
     """Elevation and roll of a camera."""
 
     elevation: float
@@ -45,20 +45,8 @@ class _CameraTilt:
     """"accelerometer", "gimbal" or "elevation angle"."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class _CameraPose:
-    """How a camera stood; None is unknown."""
-
-    tilt: _CameraTilt | None
-    """Of the upright photo."""
-    heading: float | None
-    """Deg clockwise from true north; of the picture's upper edge where a drone looks down."""
-    height: float | None
-    """Meters above where a drone took off."""
-
-
-def read_pose(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> _CameraPose:
-    """How a photo's camera stood, by the first source of each. Never raises.
+def read_tilt(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> CameraTilt | None:
+    """How the camera of an upright photo was tilted, by the first source that says so. Never raises.
 
     Args:
         tags: of EXIF's directory of the camera.
@@ -67,11 +55,10 @@ def read_pose(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size:
         size: width and height of the upright photo in pixels.
     """
     by_phone = _tilt_from_accelerometer(tags, orientation, size)
-    tilt = by_phone or _tilt_from_gimbal(xmp, orientation) or _tilt_from_elevation_angle(tags)
-    return _CameraPose(tilt, _heading_from_xmp(xmp), _height_from_xmp(xmp))
+    return by_phone or _tilt_from_gimbal(xmp, orientation) or _tilt_from_elevation_angle(tags)
 
 
-def _tilt_from_accelerometer(tags: Tags, orientation: int | None, size: tuple[int, int]) -> _CameraTilt | None:
+def _tilt_from_accelerometer(tags: Tags, orientation: int | None, size: tuple[int, int]) -> CameraTilt | None:
     """Tilt by the maker note of an iPhone or iPad; None for front cameras, whose pictures are mirrored.
 
     Args:
@@ -94,33 +81,31 @@ def _tilt_from_accelerometer(tags: Tags, orientation: int | None, size: tuple[in
     return _camera_tilt(_rotate_most_upright(in_sensor, orientation, size), std, "accelerometer")
 
 
-def _tilt_from_gimbal(xmp: Mapping[str, str], orientation: int | None) -> _CameraTilt | None:
+def _tilt_from_gimbal(xmp: Mapping[str, str], orientation: int | None) -> CameraTilt | None:
     """Tilt by the XMP properties of DJI's drones, or of Pix4D's tags, as others write them; None without.
 
     Args:
         xmp: properties by "namespace name".
         orientation: 1 to 8 by EXIF; None: absent.
     """
-    for up_by, names in ((_up_by_dji, _property_names(DJI_NAMESPACE)), (_up_by_pix4d, _property_names(_PIX4D))):
-        angles = _gimbal_angles(xmp, names)
+    for namespace, up_by in ((DJI_NAMESPACE, _up_by_dji), (_PIX4D, _up_by_pix4d)):
+        angles = _gimbal_angles(xmp, namespace)
         if angles is not None and (up := up_by(*angles)) is not None:
             return _camera_tilt(_rotate_to_upright(up, orientation or 1), TILT_STD, "gimbal")
     return None
 
 
-def _heading_from_xmp(xmp: Mapping[str, str]) -> float | None:
+def read_drone_heading(xmp: Mapping[str, str]) -> float | None:
     """Heading of a drone's camera in deg clockwise from north; of its picture's upper edge where it looks down.
 
     Args:
         xmp: properties by "namespace name".
     """
-    for names in (_property_names(DJI_NAMESPACE), _property_names(_PIX4D)):
-        if (angles := _gimbal_angles(xmp, names)) is not None:
-            return heading_from_gimbal(*angles)
-    return None
+    angles = _gimbal_angles(xmp, DJI_NAMESPACE) or _gimbal_angles(xmp, _PIX4D)
+    return None if angles is None else heading_from_gimbal(*angles)
 
 
-def _height_from_xmp(xmp: Mapping[str, str]) -> float | None:
+def read_flight_height(xmp: Mapping[str, str]) -> float | None:
     """Height of a DJI drone's camera in m above where it took off; None where it says none, or stands there.
 
     Args:
@@ -146,7 +131,7 @@ def heading_from_gimbal(pitch: float, roll: float, yaw: float) -> float:
     return (yaw + 180.0 * upside_down) % 360.0
 
 
-def _tilt_from_elevation_angle(tags: Tags) -> _CameraTilt | None:
+def _tilt_from_elevation_angle(tags: Tags) -> CameraTilt | None:
     """Tilt by EXIF's CameraElevationAngle, which says nothing of the roll; None where it is unknown.
 
     Args:
@@ -158,7 +143,7 @@ def _tilt_from_elevation_angle(tags: Tags) -> _CameraTilt | None:
     except TAG_ERRORS:
         return None
     valid = getattr(angle, "denominator", 1) not in _UNKNOWN and abs(elevation) <= 90.0  # False for what is no number
-    return _CameraTilt(elevation, None, TILT_STD, "elevation angle") if valid else None
+    return CameraTilt(elevation, None, TILT_STD, "elevation angle") if valid else None
 
 
 def _rotate_to_upright(up: _Vector, orientation: int) -> _Vector:
@@ -183,11 +168,11 @@ def _rotate_most_upright(up: _Vector, orientation: int | None, size: tuple[int, 
     return max((_rotate_to_upright(up, one) for one in possible), key=lambda vector: vector[1])
 
 
-def _camera_tilt(up: _Vector, std: float, source: str) -> _CameraTilt:
+def _camera_tilt(up: _Vector, std: float, source: str) -> CameraTilt:
     right, top, into = up
     elevation = math.degrees(math.asin(max(-1.0, min(1.0, into))))
     roll = None if abs(elevation) > MIN_STEEP_ELEVATION else math.degrees(math.atan2(-right, top)) + 0.0
-    return _CameraTilt(elevation + 0.0, roll, std, source)
+    return CameraTilt(elevation + 0.0, roll, std, source)
 
 
 def _apple_note(note: object) -> dict[int, Any]:
@@ -212,17 +197,11 @@ def _is_back(lens: str, note: Tags) -> bool:
     return "front" not in lens.lower() and front in (None, 0) and ("back" in lens.lower() or front == 0)
 
 
-def _property_names(namespace: str) -> tuple[str, str, str]:
-    """Those of pitch, roll and yaw."""
-    pattern = "Gimbal{}Degree" if namespace == DJI_NAMESPACE else "{}"
-    pitch, roll, yaw = (f"{namespace} {pattern.format(name)}" for name in ("Pitch", "Roll", "Yaw"))
-    return pitch, roll, yaw
-
-
-def _gimbal_angles(xmp: Mapping[str, str], names: Iterable[str]) -> tuple[float, float, float] | None:
+def _gimbal_angles(xmp: Mapping[str, str], namespace: str) -> tuple[float, float, float] | None:
     """Pitch, roll and yaw [deg]; None unless all exist, for all are zero where nothing measured them."""
+    name = "Gimbal{}Degree" if namespace == DJI_NAMESPACE else "{}"
     try:
-        pitch, roll, yaw = (float(xmp[name]) for name in names)
+        pitch, roll, yaw = (float(xmp[f"{namespace} {name.format(axis)}"]) for axis in ("Pitch", "Roll", "Yaw"))
     except (KeyError, ValueError):
         return None
     valid = all(abs(angle) <= 360.0 for angle in (pitch, roll, yaw))  # False for what is no number

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from itertools import product
@@ -22,7 +22,7 @@ from lighting.fields import describe_fields
 from lighting.geometry import wrap_azimuth
 from lighting.photo.camera import PhotoFrame, read_lens
 from lighting.photo.clock import read_clock, read_gps_time
-from lighting.photo.imu import DJI_NAMESPACE, read_pose
+from lighting.photo.imu import DJI_NAMESPACE, read_drone_heading, read_flight_height, read_tilt
 from lighting.photo.tags import (
     EXIF_NAMESPACE,
     TAG_ERRORS,
@@ -269,40 +269,40 @@ def read_metadata(
         is_inside: whether the photo lies inside a border of the picture.
     """
     camera, orientation, xmp = tags.camera, tags.orientation, {**(beside or {}), **tags.xmp}
-    exposure_value = _exposure_value(camera)
     heading, reference = _read_heading(tags.gps, xmp)
     locations = _read_locations(tags.gps, xmp)
     latitude, longitude = locations[0] if len(locations) == 1 else (None, None)
     stamp = read_clock(camera, tags.main, xmp, tags.iptc, is_located=bool(locations))
     local_time, utc_offset = (stamp.time, stamp.utc_offset) if stamp else (None, None)
-    gps_time = read_gps_time(tags.gps, xmp, local_time, longitude)
-    pose = read_pose(camera, xmp, orientation, (width, height))
-    if heading is None and pose.heading is not None:
-        heading, reference = pose.heading, HeadingReference.TRUE
+    if heading is None and (heading := read_drone_heading(xmp)) is not None:
+        reference = HeadingReference.TRUE
     lens = read_lens(tags.main, camera, xmp, PhotoFrame(width, height, orientation in (5, 6, 7, 8), is_inside))
-    known = PhotoMetadata(local_time, utc_offset, gps_time, heading=heading, heading_reference=reference)
-    known = replace(
-        known,
+    tilt = read_tilt(camera, xmp, orientation, (width, height)) if lens.is_whole else None
+    roll = None if tilt is None or tilt.roll is None else float(wrap_azimuth(tilt.roll + lens.turn))
+    return PhotoMetadata(
+        local_time,
+        utc_offset,
+        read_gps_time(tags.gps, xmp, local_time, longitude),
         latitude=latitude,
         longitude=longitude,
+        heading=heading,
+        heading_reference=reference,
         focal_length=lens.focal_length,
-        locations=locations if len(locations) > 1 else (),
         vertical_fov=lens.vertical_fovs[0] if lens.vertical_fovs else None,
+        camera_elevation=tilt and tilt.elevation,
+        camera_roll=roll,
+        gravity_source=tilt and tilt.source,
+        gravity_spread=tilt and tilt.std,
+        exposure_value=_exposure_value(camera),
+        camera_height=read_flight_height(xmp),
+        locations=locations if len(locations) > 1 else (),
         other_vertical_fovs=lens.vertical_fovs[1:],
         is_lens_consistent=lens.is_consistent or not lens.vertical_fovs,
         camera_make=read_make(tags.main) or None,
         is_panorama=lens.is_panorama,
         is_thermal=tags.has_temperatures or _is_thermal(xmp),
-        exposure_value=exposure_value,
-        camera_height=pose.height,
         orientation=orientation,
     )
-    tilt = pose.tilt if lens.is_whole else None
-    if tilt is None:
-        return known
-    roll = None if tilt.roll is None else float(wrap_azimuth(tilt.roll + lens.turn))
-    known = replace(known, camera_elevation=tilt.elevation, camera_roll=roll)
-    return replace(known, gravity_source=tilt.source, gravity_spread=tilt.std)
 
 
 def _is_thermal(xmp: Mapping[str, str]) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageCms
 
 from lighting.color import H273_CHROMATICITIES, chromaticities_to_rec709, srgb_decode, srgb_encode
-from lighting.photo.color_encoding import _profile_to_rec709, is_gamma_encoded, read_color_encoding
+from lighting.photo.color_encoding import is_gamma_encoded, read_color_encoding
 from lighting.photo.linear import read_linear
 from lighting.photo.reader import read_photo
 from lighting.photo.tags import read_tags
@@ -45,10 +45,13 @@ def test_white_stays_white_and_clipped_values_stay_clipped(tmp_path: Path) -> No
     assert (photo.pixels.max(axis=-1) >= photo.white).all()
 
 
-@pytest.mark.parametrize("said", [None, b"damaged", display_profile("sRGB, linear", SRGB_XYZ)])
-def test_the_same_primaries_and_profiles_that_say_none_change_nothing(said: bytes | None) -> None:
-    assert _profile_to_rec709(said) is None
-    assert _profile_to_rec709(ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()) is None
+LAB = ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()
+
+
+@pytest.mark.parametrize("said", [None, b"damaged", display_profile("sRGB, linear", SRGB_XYZ), LAB])
+def test_the_same_primaries_and_profiles_that_say_none_change_nothing(tmp_path: Path, said: bytes | None) -> None:
+    Image.fromarray(COLOURS).save(tmp_path / "a.png", icc_profile=said)
+    assert np.array_equal(read_linear(tmp_path / "a.png", "linear").pixels, COLOURS / np.float32(255))
 
 
 @pytest.mark.parametrize(("name", "coded"), [("Wide", False), ("sRGB", False), ("Linear", True)])
