@@ -10,12 +10,11 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 from PIL import ExifTags
 
 from lighting.geometry import zoomed_fov
-from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, Tags, read_make, read_number, read_xmp_number
+from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, Tags, read_first_number, read_make, read_xmp_number
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, to which 35 mm equivalents refer
 
@@ -100,9 +99,12 @@ def read_lens(main: Tags, camera: Tags, xmp: Mapping[str, str], frame: PhotoFram
         across, along = view
         narrow = () if across > _MAX_VIEW else (_clamp(along),)
         return PhotoLens(equivalent, narrow, is_consistent=True, is_whole=False, is_panorama=across > _MAX_VIEW)
-    if _is_apple_panorama(main, camera):
+    is_apple = read_make(main) == "apple"
+    if is_apple and camera.get(ExifTags.Base.CustomRendered) == _APPLE_PANORAMA:
         return PhotoLens(equivalent, is_whole=False, is_panorama=True)
-    recorded = _recorded_size(camera, xmp, frame)
+    recorded = _recorded_size(camera, xmp)
+    if recorded and frame.is_turned:
+        recorded = recorded[::-1]
     fits = _fits(recorded, frame)
     if max(frame.width, frame.height) > _MAX_FRAME_ASPECT * min(frame.width, frame.height):
         is_written_so = fits is not False and recorded is not None and not frame.is_inside
@@ -111,8 +113,9 @@ def read_lens(main: Tags, camera: Tags, xmp: Mapping[str, str], frame: PhotoFram
     crop = _developed_crop(xmp)
     if equivalent is None:
         return PhotoLens(is_whole=fits is not False and crop.is_centered, turn=crop.turn)
-    zooms = product(crop.zooms(frame), _digital_zooms(main, camera, xmp))
-    lengths = [equivalent * cut * digital for cut, digital in zooms]
+    zoom = _positive(camera, xmp, ExifTags.Base.DigitalZoomRatio, "DigitalZoomRatio") or 1.0
+    digital_zooms = (1.0,) if zoom < _MIN_ZOOM or is_apple else (1.0, zoom)  # Apple's 35 mm value holds it already
+    lengths = [equivalent * cut * digital for cut, digital in product(crop.zooms(frame), digital_zooms)]
     fovs = tuple(fov for length in lengths for fov in _possible_fovs(length, recorded, frame))
     return PhotoLens(
         equivalent, tuple(dict.fromkeys(fovs)), is_consistent, fits is not False and crop.is_centered, crop.turn
@@ -139,52 +142,35 @@ def _equivalent(camera: Tags, xmp: Mapping[str, str]) -> tuple[float | None, boo
 def _sensor_diagonal(camera: Tags, xmp: Mapping[str, str]) -> float | None:
     """The sensor's diagonal [mm] by its resolution on the focal plane; None for what no camera has."""
     base = ExifTags.Base
-    width = _positive(camera, xmp, base.ExifImageWidth, "PixelXDimension")
-    height = _positive(camera, xmp, base.ExifImageHeight, "PixelYDimension")
     across = _positive(camera, xmp, base.FocalPlaneXResolution, "FocalPlaneXResolution")
     along = _positive(camera, xmp, base.FocalPlaneYResolution, "FocalPlaneYResolution") or across
     unit = _positive(camera, xmp, base.FocalPlaneResolutionUnit, "FocalPlaneResolutionUnit") or 2
-    if width is None or height is None or across is None or along is None:
+    size = _recorded_size(camera, xmp)
+    if size is None or across is None or along is None:
         return None
-    diagonal = _UNITS.get(int(unit), _UNITS[2]) * math.hypot(width / across, height / along)
+    diagonal = _UNITS.get(int(unit), _UNITS[2]) * math.hypot(size[0] / across, size[1] / along)
     return diagonal if _SENSOR_DIAGONALS[0] <= diagonal <= _SENSOR_DIAGONALS[1] else None
 
 
 def _positive(camera: Tags, xmp: Mapping[str, str], tag: int, name: str) -> float | None:
     """A number over 0 by EXIF, or else by XMP."""
     number = None
-    if tag in camera:
+    with suppress(*TAG_ERRORS):
+        number = read_first_number(camera[tag])
+    if number is None:
         with suppress(*TAG_ERRORS):
-            number = read_number(_first(camera[tag]))
-    if number is None and (text := xmp.get(f"{EXIF_NAMESPACE} {name}")) is not None:
-        with suppress(*TAG_ERRORS):
-            number = read_xmp_number(text)
+            number = read_xmp_number(xmp[f"{EXIF_NAMESPACE} {name}"])
     return number if number is not None and number > 0 else None
-
-
-def _first(value: object) -> Any:
-    return value[0] if isinstance(value, tuple) else value
-
-
-def _digital_zooms(main: Tags, camera: Tags, xmp: Mapping[str, str]) -> tuple[float, ...]:
-    """By how much the 35 mm value may be too short: Apple's holds the digital zoom, others' do or do not."""
-    zoom = _positive(camera, xmp, ExifTags.Base.DigitalZoomRatio, "DigitalZoomRatio") or 1.0
-    if zoom < _MIN_ZOOM or read_make(main) == "apple":
-        return (1.0,)
-    return (1.0, zoom)
 
 
 # What a crop left of the frame.
 
 
-def _recorded_size(camera: Tags, xmp: Mapping[str, str], frame: PhotoFrame) -> tuple[float, float] | None:
-    """Width and height of what the camera wrote, as the upright photo lies; None where that is unknown."""
-    base = ExifTags.Base
-    width = _positive(camera, xmp, base.ExifImageWidth, "PixelXDimension")
-    height = _positive(camera, xmp, base.ExifImageHeight, "PixelYDimension")
-    if width is None or height is None:
-        return None
-    return (height, width) if frame.is_turned else (width, height)
+def _recorded_size(camera: Tags, xmp: Mapping[str, str]) -> tuple[float, float] | None:
+    """Width and height of what the camera wrote, in pixels; None where that is unknown."""
+    width = _positive(camera, xmp, ExifTags.Base.ExifImageWidth, "PixelXDimension")
+    height = _positive(camera, xmp, ExifTags.Base.ExifImageHeight, "PixelYDimension")
+    return None if width is None or height is None else (width, height)
 
 
 def _fits(recorded: tuple[float, float] | None, frame: PhotoFrame) -> bool | None:
@@ -294,7 +280,3 @@ def _panorama_view(xmp: Mapping[str, str]) -> tuple[float, float] | None:
         declared = f"{_GPANO} ProjectionType" in xmp or xmp.get(f"{_GPANO} UsePanoramaViewer", "").lower() == "true"
         return (360.0, 180.0) if declared else None
     return (across, along) if 0.0 < across <= 360.0 and 0.0 < along <= 180.0 else None
-
-
-def _is_apple_panorama(main: Tags, camera: Tags) -> bool:
-    return read_make(main) == "apple" and camera.get(ExifTags.Base.CustomRendered) == _APPLE_PANORAMA

@@ -21,10 +21,11 @@ from lighting.photo.tags import (
     TAG_ERRORS,
     IptcRecords,
     Tags,
+    read_first_number,
     read_make,
     read_number,
-    read_text,
     read_xmp_number,
+    text_or_empty,
 )
 from lighting.photo.timestamps import UTC_OFFSET_RANGE, YEAR_RANGE, parse_utc_offset, to_utc
 
@@ -231,7 +232,8 @@ def read_clock(
     same = (stamp.utc_offset for stamp in (*stamps, *written) if _is_same_time(stamp.time, time))
     offset = next((hours for hours in same if hours is not None), None)
     if offset is None:
-        offset = _first_known(_offset_by_universal(time, others), _offset_beside(xmp, time, is_located))
+        beside = ("Original", "Digitized", *(() if is_located else ("",)))  # the last is that of a later edit
+        offset = _first_known(_offset_by_universal(time, others), _offset_in_xmp(xmp, beside, time))
     if offset is None:
         offset = _offset_of_edit(tags, time, is_located)
     return Stamp(time, offset)
@@ -267,24 +269,19 @@ def _late_stamps(tags: Tags) -> Iterator[Stamp]:
 def _was_edited(tags: Tags, xmp: Mapping[str, str]) -> bool:
     """Whether a program wrote the file, and not the camera, whose software is a version or its own name."""
     base = ExifTags.Base
-    software, model = (_text(tags, tag) for tag in (base.Software, base.Model))
+    software, model = (text_or_empty(tags.get(tag)) for tag in (base.Software, base.Model))
     names = [name for name in (read_make(tags), model.lower()) if name]
     of_camera = bool(re.fullmatch(_FIRMWARE, software)) or any(software.lower().startswith(name) for name in names)
     by_camera = not software or (bool(names) and of_camera)
     return not by_camera or any(xmp.get(name, software) != software for name in _XMP_SOFTWARE)
 
 
-def _offset_beside(xmp: Mapping[str, str], time: datetime, is_located: bool) -> float | None:
-    """The offset that XMP holds without a time of its own; that of a later edit counts where no place is known."""
-    spaces, times = (_EXIF_EX, EXIF_NAMESPACE), ("Original", "Digitized", *(() if is_located else ("",)))
-    texts = (_plain_text(xmp.get(f"{space} OffsetTime{which}")) for which in times for space in spaces)
+def _offset_in_xmp(xmp: Mapping[str, str], times: Iterable[str], time: datetime) -> float | None:
+    """The offset that XMP holds for one of the times of these names, the first counts."""
+    texts = (
+        _plain_text(xmp.get(f"{space} OffsetTime{name}")) for name in times for space in (_EXIF_EX, EXIF_NAMESPACE)
+    )
     return _first_known(*(_offset_in_text(text, time) for text in texts))
-
-
-def _text(tags: Tags, tag: int) -> str:
-    with suppress(*TAG_ERRORS):
-        return read_text(tags[tag])
-    return ""
 
 
 def _offset_of_edit(tags: Tags, time: datetime, is_located: bool) -> float | None:
@@ -301,8 +298,7 @@ def _offset(tags: Tags, tag: int, stamp: Stamp) -> float | None:
 
 def _time_zone_offset(tags: Tags) -> float | None:
     with suppress(*TAG_ERRORS):
-        value = tags[_TIME_ZONE_OFFSET]
-        hours = read_number(value[0] if isinstance(value, tuple | list) else value)
+        hours = read_first_number(tags[_TIME_ZONE_OFFSET])
         hours -= 65536 * (hours > 32767)  # of writers that take it as without a sign
         return hours if UTC_OFFSET_RANGE[0] <= hours <= UTC_OFFSET_RANGE[1] else None
     return None
@@ -317,8 +313,7 @@ def _xmp_stamp(xmp: Mapping[str, str], name: str) -> Stamp | None:
     suffix = name.rpartition("DateTime")[2]
     if stamp is None or stamp.utc_offset is not None or suffix not in ("Original", "Digitized"):
         return stamp
-    texts = (_plain_text(xmp.get(f"{space} OffsetTime{suffix}")) for space in (_EXIF_EX, EXIF_NAMESPACE))
-    return Stamp(stamp.time, _first_known(*(_offset_in_text(text, stamp.time) for text in texts)))
+    return Stamp(stamp.time, _offset_in_xmp(xmp, (suffix,), stamp.time))
 
 
 def _iptc_stamps(iptc: IptcRecords) -> Iterator[Stamp]:

@@ -22,7 +22,6 @@ References:
 
 import struct
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from io import BytesIO
@@ -42,7 +41,7 @@ from lighting.color import (
     srgb_bytes,
 )
 from lighting.photo.containers import png_chunks
-from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, PhotoTags, read_text
+from lighting.photo.tags import EXIF_NAMESPACE, PhotoTags, text_or_empty
 
 if TYPE_CHECKING:
     from PIL import ImageCms
@@ -193,9 +192,8 @@ def _by_exif(*sources: PhotoTags) -> ColorEncoding | None:
     for source in sources:
         if source.format not in _WITH_DCF:
             continue
-        space, index = source.camera.get(ExifTags.Base.ColorSpace), None
-        with suppress(*TAG_ERRORS):
-            index = read_text(source.interoperability[_INTEROP_INDEX])
+        space = source.camera.get(ExifTags.Base.ColorSpace)
+        index = text_or_empty(source.interoperability.get(_INTEROP_INDEX))
         if space == _ADOBE_RGB or (space in (_UNCALIBRATED, None) and index == "R03"):
             return ColorEncoding(ADOBE_RGB_GAMMA, chromaticities_to_rec709(ADOBE_RGB_CHROMATICITIES))
         if space is not None:

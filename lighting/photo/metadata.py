@@ -28,10 +28,12 @@ from lighting.photo.tags import (
     TAG_ERRORS,
     PhotoTags,
     Tags,
+    read_first_number,
     read_make,
     read_number,
     read_text,
     read_xmp_number,
+    text_or_empty,
 )
 
 Locations = tuple[tuple[float, float], ...]  # latitudes and longitudes, deg, positive north and east
@@ -152,15 +154,8 @@ def _parse_text(text: str) -> tuple[list[float], bool, str]:
 
 def _hemisphere(reference: object) -> str:
     """The first letter of a hemisphere's English name; another, or none, where that is open."""
-    word = _word(reference)
+    word = text_or_empty(reference)
     return _HEMISPHERES.get(word.lower(), word[:1].upper())
-
-
-def _word(reference: object) -> str:
-    """The text of a reference; empty where there is none, as of what is no text."""
-    with suppress(TypeError, ValueError):
-        return "" if reference is None else read_text(reference)
-    return ""
 
 
 def _read_heading(gps: Tags, xmp: Mapping[str, str]) -> tuple[float | None, HeadingReference | None]:
@@ -175,7 +170,7 @@ def _read_heading(gps: Tags, xmp: Mapping[str, str]) -> tuple[float | None, Head
     if heading is None and (text := xmp.get(f"{EXIF_NAMESPACE} GPSImgDirection")):
         heading, reference = _heading(text), xmp.get(f"{EXIF_NAMESPACE} GPSImgDirectionRef")
     references = {"T": HeadingReference.TRUE, "M": HeadingReference.MAGNETIC}
-    return heading, references.get(_word(reference)[:1].upper())
+    return heading, references.get(text_or_empty(reference)[:1].upper())
 
 
 def _heading(value: object) -> float | None:
@@ -185,7 +180,7 @@ def _heading(value: object) -> float | None:
         if isinstance(value, str | bytes):
             heading = read_xmp_number(read_text(value).replace(",", "."))
         else:
-            heading = read_number(value[0] if isinstance(value, tuple) else value)
+            heading = read_first_number(value)
         return heading % 360.0 if -180.0 <= heading <= 360.0 else None
     return None
 
@@ -322,7 +317,7 @@ def read_exposure(camera: Tags) -> float | None:
     """
     base = ExifTags.Base
     with suppress(*TAG_ERRORS):
-        iso = _iso(camera.get(base.ISOSpeedRatings, 100)) or 100.0
+        iso = read_first_number(camera.get(base.ISOSpeedRatings, 100)) or 100.0
         aperture = read_number(camera.get(base.FNumber, 1)) or 1.0
         exposure = read_number(camera[base.ExposureTime]) * iso / 100.0 / aperture**2
         return exposure if exposure > 0 else None
@@ -334,12 +329,7 @@ def _exposure_value(camera: Tags) -> float | None:
     base = ExifTags.Base
     with suppress(*TAG_ERRORS):
         time, aperture = read_number(camera[base.ExposureTime]), read_number(camera[base.FNumber])
-        value = math.log2(aperture**2 / time * 100.0 / _iso(camera[base.ISOSpeedRatings]))
+        value = math.log2(aperture**2 / time * 100.0 / read_first_number(camera[base.ISOSpeedRatings]))
         low, high = _EXPOSURE_VALUES
         return value if low <= value <= high else None
     return None
-
-
-def _iso(value: object) -> float:
-    """ISO from a number, or from the first of several."""
-    return read_number(value[0] if isinstance(value, tuple) else value)

@@ -16,12 +16,13 @@ from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from io import FileIO
 from pathlib import Path
+from typing import Any
 
 from lighting.photo.tags import EXIF_NAMESPACE, MAX_XMP_BYTES, read_number, read_xmp
 
 TAKEOUT_TIME = "https://takeout.google.com photoTakenTime"  # property of a time in UTC, as Google guessed it
 MAX_SIDECAR_BYTES = MAX_XMP_BYTES  # of a file that is read; larger ones count as absent
-_CAPTURE = (  # how the names of properties of the exposure begin
+_CAPTURE = (  # how the names of properties of the exposure begin; others tell how it is to be developed
     *(f"{EXIF_NAMESPACE} {name}" for name in ("DateTime", "OffsetTime", "GPS", "FocalLength")),
     "http://cipa.jp/exif/1.0 OffsetTime",
     "http://ns.adobe.com/photoshop/1.0 DateCreated",
@@ -66,15 +67,11 @@ def read_sidecar(path: str | os.PathLike[str], read: Callable[[Path], bytes | No
                 yield data
 
     for data in contents(_xmp_files(photo)):
-        properties = {**_of_capture(read_xmp(data)), **properties}
+        of_capture = {name: value for name, value in read_xmp(data).items() if name.startswith(_CAPTURE)}
+        properties = {**of_capture, **properties}
     for record in map(_parse_json, contents(_json_files(photo))):
         properties = {**_takeout_properties(record), **_exiftool_properties(record, photo.name), **properties}
     return properties
-
-
-def _of_capture(properties: Mapping[str, str]) -> dict[str, str]:
-    """The properties of how a photo was taken, without those of how it is to be developed and cropped."""
-    return {name: value for name, value in properties.items() if name.startswith(_CAPTURE)}
 
 
 def _xmp_files(photo: Path) -> Iterator[str]:
@@ -138,9 +135,7 @@ def _takeout_properties(record: object) -> dict[str, str]:
     return {**place, **_takeout_time(record["photoTakenTime"])}
 
 
-def _takeout_time(value: object) -> dict[str, str]:
-    if not isinstance(value, Mapping):
-        return {}
+def _takeout_time(value: Any) -> dict[str, str]:
     try:
         time = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=float(value["timestamp"]))
     except (ArithmeticError, LookupError, TypeError, ValueError):
@@ -148,10 +143,8 @@ def _takeout_time(value: object) -> dict[str, str]:
     return {TAKEOUT_TIME: f"{time:%Y-%m-%dT%H:%M:%SZ}"}
 
 
-def _takeout_place(value: object) -> dict[str, str]:
+def _takeout_place(value: Any) -> dict[str, str]:
     """Latitude and longitude in XMP's degrees and minutes; 0, 0 is Google's word for an unknown place."""
-    if not isinstance(value, Mapping):
-        return {}
     try:
         latitude, longitude = read_number(value["latitude"]), read_number(value["longitude"])
     except (LookupError, TypeError, ValueError):
@@ -180,7 +173,9 @@ def _exiftool_properties(record: object, photo: str) -> dict[str, str]:
     if len(entries) > 1:
         entries = [entry for entry in entries if Path(str(entry.get("SourceFile"))).name == photo]
     values = dict[str, str | int | float]()
-    for name, value in sorted(_ungrouped(entries[0] if entries else {}), key=_is_not_composite):
+    for name, value in sorted(
+        _ungrouped(entries[0] if entries else {}), key=lambda item: not item[0].startswith("Composite:")
+    ):
         if isinstance(value, str | int | float) and not isinstance(value, bool):
             values.setdefault(name.rpartition(":")[2], value)
     for name, letters in (("GPSLatitude", "NS"), ("GPSLongitude", "EW")):
@@ -201,8 +196,3 @@ def _ungrouped(entry: Mapping[str, object]) -> Iterator[tuple[str, object]]:
             yield from ((f"{name}:{inner}", inside) for inner, inside in value.items())
         else:
             yield name, value
-
-
-def _is_not_composite(item: tuple[str, object]) -> bool:
-    """Whether a name is not of the group whose coordinates have signs."""
-    return not item[0].startswith("Composite:")

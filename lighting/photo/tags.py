@@ -112,11 +112,16 @@ def _raw_profile(image: Image.Image, name: str) -> bytes:
         return b""
 
 
+def _app1_segments(image: Image.Image) -> list[bytes]:
+    """What a JPEG's segments hold in which EXIF, XMP and FLIR's data lie; none of other pictures."""
+    return [data for name, data in getattr(image, "applist", ()) if name == "APP1"]
+
+
 def _later_exif(image: Image.Image) -> Iterator[Image.Exif]:
     """The EXIF blocks of a JPEG behind its first, which a program put before the camera's; Pillow reads one alone."""
     blocks: list[bytes] = []
-    for name, segment in getattr(image, "applist", ()):
-        if name != "APP1" or not segment.startswith(_EXIF_PREFIX):
+    for segment in _app1_segments(image):
+        if not segment.startswith(_EXIF_PREFIX):
             continue
         body = segment[len(_EXIF_PREFIX) :]
         if blocks and not body.startswith(TIFF_STARTS):
@@ -140,8 +145,7 @@ def read_tags(image: Image.Image) -> PhotoTags:
     main, camera, gps, interoperability = (_merge_directories(blocks, ifd) for ifd in _DIRECTORIES)
     value = main.get(ExifTags.Base.Orientation)
     orientation, xmp, iptc = value if isinstance(value, int) else None, _read_packet(image), _read_iptc(image)
-    segments = (data for name, data in getattr(image, "applist", ()) if name == "APP1")
-    has_temperatures = any(data.startswith(_FLIR_PREFIX) for data in segments)
+    has_temperatures = any(data.startswith(_FLIR_PREFIX) for data in _app1_segments(image))
     return PhotoTags(image.format, orientation, main, camera, gps, interoperability, xmp, iptc, has_temperatures)
 
 
@@ -156,7 +160,7 @@ def _merge_directories(blocks: Sequence[Image.Exif], ifd: int | None) -> dict[in
 
 def _read_packet(image: Image.Image) -> dict[str, str]:
     """The properties of an image's XMP packet, as `read_xmp` returns them."""
-    segments = (data for name, data in getattr(image, "applist", ()) if name == "APP1")
+    segments = _app1_segments(image)
     packets = [data.removeprefix(_XMP_PREFIX) for data in segments if data.startswith(_XMP_PREFIX)]
     if len(packets) > 1:  # of which Pillow has the last
         properties: dict[str, str] = {}
@@ -234,6 +238,15 @@ def read_number(value: object) -> float:
     return number
 
 
+def read_first_number(value: object) -> float:
+    """A finite number in a tag's value, or the first of several; raises as `read_number`, and for none LookupError.
+
+    Args:
+        value: of a tag.
+    """
+    return read_number(value[0] if isinstance(value, tuple | list) else value)
+
+
 def read_xmp_number(text: str) -> float:
     """A finite number in an XMP property, such as "17" or "22329/100".
 
@@ -254,9 +267,7 @@ def read_make(main: Tags) -> str:
     Args:
         main: tags of EXIF's main directory.
     """
-    with suppress(*TAG_ERRORS):
-        return read_text(main[ExifTags.Base.Make]).lower()
-    return ""
+    return text_or_empty(main.get(ExifTags.Base.Make)).lower()
 
 
 def read_text(value: object) -> str:
@@ -272,6 +283,17 @@ def read_text(value: object) -> str:
     if not isinstance(text, str):
         raise TypeError("not a text")
     return text.strip("\0 ")
+
+
+def text_or_empty(value: object) -> str:
+    """The text in a tag's value as of `read_text`; empty where it is none.
+
+    Args:
+        value: of a tag; None: absent.
+    """
+    with suppress(TypeError, ValueError):
+        return read_text(value)
+    return ""
 
 
 def read_xmp(packet: object) -> dict[str, str]:
