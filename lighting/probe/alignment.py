@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, wrap_azimuth
 from lighting.probe.fisheye import Lens, unproject_from_lens
+from lighting.registration.rotations import nearest_rotation
 
 _MIN_SUNS = 3  # that a series needs
 _MIN_ARC = 15.0  # deg, that the suns of a series must span
@@ -117,16 +118,9 @@ def _fit_rotation(lens: Lens, pixels: Floats, suns: Floats) -> Alignment:
     visible = np.asarray(np.isfinite(observed).all(axis=-1))
     observed, used = np.where(visible[:, None], observed, [0.0, 1.0, 0.0]), visible
     for _ in range(2):
-        rotation = _kabsch(observed[used], suns[used])
+        rotation = nearest_rotation(observed[used].T @ suns[used]).T  # Kabsch
         residuals = np.where(visible, angle_between(observed @ rotation.T, suns), 180.0)
         limit = max(_OUTLIER_MEDIANS * float(np.median(residuals)), _MIN_OUTLIER)
         is_inlier = residuals <= limit
         used = is_inlier if is_inlier.sum() >= _MIN_SUNS else used
     return Alignment(rotation, lens, residuals, used)
-
-
-def _kabsch(observed: Floats, expected: Floats) -> Floats:
-    """The rotation (3, 3) with rotation @ seen nearest to truth."""
-    u, _, v = np.linalg.svd(observed.T @ expected)
-    proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
-    return np.asarray((u @ proper @ v).T)

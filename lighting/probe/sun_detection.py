@@ -32,7 +32,7 @@ _MIN_REGION_SHARE = 0.4  # share of all bright regions that the sun's region mus
 _MIN_PEAK_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DetectedSun:
     """A sun found in a picture."""
 
@@ -120,24 +120,13 @@ MARGIN = 1.5  # pixels of the map around the bright region whose light counts as
 
 
 @dataclass(frozen=True, eq=False)
-class SunBlob:
+class SunBlob(DetectedSun):
     """The sun as a map shows it."""
 
-    azimuth: float
-    """Deg, 0 = centre column, positive to the right."""
-    elevation: float
-    """Elevation, deg."""
-    radius: float
-    """Deg, of a cap as large as the bright region."""
     clipped: bool
     """Brighter than the shortest exposure could measure."""
     irradiance: Floats
     """(3,), on a surface that faces it, above the sky beside it; the least that it can be if clipped."""
-
-    @property
-    def direction(self) -> Floats:
-        """Unit vector (3,)."""
-        return direction(self.azimuth, self.elevation)
 
 
 def find_sun_blob(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:

@@ -93,7 +93,9 @@ def detect_features(
     if descriptors is None:
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32), width, height)
     corner = np.array([k.pt for k in keypoints], dtype=np.float64)
-    return Features(to_centered(corner, width, height), _rooted(descriptors), width, height)
+    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12)
+    roots = np.asarray(np.sqrt(descriptors / total), dtype=np.float32)
+    return Features(to_centered(corner, width, height), roots, width, height)
 
 
 def resize_to(gray: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
@@ -121,11 +123,6 @@ def to_centered(corner: Floats, width: int, height: int) -> Floats:
     """
     offset = corner + 0.5 - np.array([0.5 * width, 0.5 * height])
     return np.asarray(offset * np.array([1.0, -1.0]) * (2.0 / np.hypot(width, height)))
-
-
-def _rooted(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
-    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12)
-    return np.asarray(np.sqrt(descriptors / total), dtype=np.float32)
 
 
 def match_features(a: Features, b: Features) -> Matches:

@@ -11,11 +11,9 @@ OpenCV. The process is a new one for each set, so that all it took is given back
 
 import pickle
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from io import BytesIO
 from itertools import combinations
 from time import monotonic
 from typing import TYPE_CHECKING, BinaryIO
@@ -248,7 +246,9 @@ def _level_group(
     up_std = np.array([view.up_std for view in members])
     up = consensus_up(group.rotations, ups, up_std**-2.0)
     heading, elevation, roll = _angles_about(up, group.rotations)
-    std = np.hypot(_rotation_heading_std(group, up), _tilt_heading_std(group.rotations, up, up_std))
+    up_in_cameras = group.rotations @ up
+    rotation_std = np.sqrt(np.einsum("ni,nij,nj->n", up_in_cameras, group.covariance, up_in_cameras))
+    std = np.hypot(rotation_std, _tilt_heading_std(group.rotations, up, up_std))
     fovs = [None if len(members) == 1 else fov_from_focal(lenses[i][0], *views[i].size) for i in group.members]
     poses = np.stack([heading, std, elevation, roll], axis=1).tolist()
     found = zip(group.members, poses, fovs, strict=True)
@@ -259,12 +259,6 @@ def _angles_about(up: Floats, rotations: Floats) -> tuple[Floats, Floats, Floats
     """Heading from the first camera's, elevation and roll [deg] (n,) of cameras (n, 3, 3) about a vertical (3,)."""
     heading, elevation, roll = heading_elevation_roll(rotations, leveling_rotation(up))
     return wrap_azimuth(heading - heading[0]), elevation, roll
-
-
-def _rotation_heading_std(group: OrientedGroup, up: Floats) -> Floats:
-    """Standard deviations (n,) [deg] of the headings by the uncertainty of the rotations."""
-    ups = group.rotations @ up  # the vertical in each camera's frame
-    return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", ups, group.covariance, ups)))
 
 
 def _tilt_heading_std(rotations: Floats, up: Floats, up_std: Floats) -> Floats:
@@ -279,12 +273,8 @@ def _tilt_heading_std(rotations: Floats, up: Floats, up_std: Floats) -> Floats:
 # Where photos look, found in a process of its own, which ends with the answer or is killed.
 
 
-def _nothing() -> None:
-    """No reason to stop."""
-
-
 def register_views_isolated(
-    views: Sequence[View], seconds: float = MATCHING_SECONDS, check: Callable[[], None] = _nothing
+    views: Sequence[View], seconds: float = MATCHING_SECONDS, check: Callable[[], None] = lambda: None
 ) -> tuple[RegisteredView, ...]:
     """Where each photo looks, as `register_views` finds it, in a process that may be killed.
 
@@ -317,11 +307,9 @@ def register_views_isolated(
 
 
 def _request(views: Sequence[View], seconds: float) -> bytes:
-    """What the process reads: the seconds after which nobody waits any more, the memory it may take, and the views."""
-    request = BytesIO()
-    for part in (seconds, BASE_MEMORY + MEMORY_PER_PHOTO * len(views), *views):
-        pickle.dump(part, request, pickle.HIGHEST_PROTOCOL)
-    return request.getvalue()
+    """What the process reads: the seconds after which nobody waits any more, memory and number of views, and these."""
+    limits = (seconds, BASE_MEMORY + MEMORY_PER_PHOTO * len(views), len(views))
+    return b"".join(pickle.dumps(part, pickle.HIGHEST_PROTOCOL) for part in (limits, *views))
 
 
 def _read_reply(process: "Popen[bytes]", request: bytes, seconds: float, check: Callable[[], None]) -> bytes | None:
@@ -348,16 +336,10 @@ def _serve_registration() -> None:
 def _answer(requests: BinaryIO) -> tuple[RegisteredView, ...] | LightingError:
     try:
         import_opencv().setNumThreads(1)
-        seconds, memory = pickle.load(requests), pickle.load(requests)
+        seconds, memory, count = pickle.load(requests)
         with runtime.exit_after(seconds):
             runtime.limit_address_space(runtime.address_space_used() + memory)
-            return register_views(list(_shots(requests)))
+            # One photo in memory at a time.
+            return register_views([pickle.load(requests).with_features() for _ in range(count)])
     except LightingError as error:
         return error
-
-
-def _shots(requests: BinaryIO) -> Iterator[ViewFeatures]:
-    """The photos' features, one photo in memory at a time."""
-    with suppress(EOFError):
-        while True:
-            yield pickle.load(requests).with_features()

@@ -7,9 +7,9 @@ References:
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.geometry import Floats
 from lighting.registration.features import Matches
@@ -93,8 +93,7 @@ def _covariance(slope: Floats, value: Floats, scale: float, prior_weight: Floats
     return np.asarray(np.linalg.pinv(normal, hermitian=True))
 
 
-@dataclass(frozen=True, eq=False)
-class _RansacResult:
+class _RansacResult(NamedTuple):
     """The best trial."""
 
     rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
@@ -113,18 +112,14 @@ def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequenc
     best, result = -np.inf, _RansacResult(np.eye(3), 1.0)
     for zoom in zooms:
         a, b = rays_through(matches.a[:_SCORED], zoom * focal[0]), rays_through(matches.b[:_SCORED], zoom * focal[1])
-        pairs = _pairs(len(a), rng)  # two rays each, which a trial takes as nearly as can be from `a` to `b`
+        first = rng.integers(0, len(a), _SAMPLES)
+        pairs = np.stack([first, (first + rng.integers(1, len(a), _SAMPLES)) % len(a)], axis=1)  # two different rays
+        # A trial takes them as nearly as can be from `a` to `b`.
         trials = _frame(b[pairs]) @ np.swapaxes(_frame(a[pairs]), -1, -2)
         scores = _scores(trials, a, b, INLIER_TOLERANCE * matches.pixel / (zoom * max(focal)))
         if scores.max() > best:
             best, result = float(scores.max()), _RansacResult(trials[int(np.argmax(scores))], zoom)
     return result
-
-
-def _pairs(count: int, rng: "np.random.Generator") -> NDArray[np.intp]:
-    """Indices (_SAMPLES, 2) of two different matches each."""
-    first = rng.integers(0, count, _SAMPLES)
-    return np.stack([first, (first + rng.integers(1, count, _SAMPLES)) % count], axis=1)
 
 
 def _frame(two: Floats) -> Floats:

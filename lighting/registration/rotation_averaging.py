@@ -61,19 +61,13 @@ def average_rotations(members: tuple[int, ...], pairs: PairRotations) -> Oriente
     index = {number: k for k, number in enumerate(members)}
     rotations = _spanning_tree(members, inside)
     for weight in (_l1_weight, _cauchy_weight) if len(members) > 1 else ():
-        rotations = _iterate(inside, index, rotations, weight)
+        for _ in range(_MAX_STEPS):
+            normal, pull = _normal_equations(inside, index, rotations, weight)
+            step = np.linalg.solve(normal, pull).reshape(-1, 3)
+            rotations = np.concatenate([rotations[:1], rotation_about(step) @ rotations[1:]])
+            if np.abs(step).max() < 1e-9:
+                break
     return OrientedGroup(members, nearest_rotation(rotations), _covariances(inside, index, rotations))
-
-
-def _iterate(pairs: PairRotations, index: Mapping[int, int], rotations: Floats, weight: _WeightFn) -> Floats:
-    """The orientations after as many steps as change anything."""
-    for _ in range(_MAX_STEPS):
-        normal, pull = _normal_equations(pairs, index, rotations, weight)
-        step = np.linalg.solve(normal, pull).reshape(-1, 3)
-        rotations = np.concatenate([rotations[:1], rotation_about(step) @ rotations[1:]])
-        if np.abs(step).max() < 1e-9:
-            break
-    return rotations
 
 
 def _spanning_tree(members: tuple[int, ...], pairs: PairRotations) -> Floats:

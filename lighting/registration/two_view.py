@@ -102,7 +102,12 @@ def estimate_rotation(
     """
     if len(matches) < _MIN_INLIERS:
         return None
-    return _choose_model(matches, _Lens.of(size_a, size_b, fovs, fov_std))
+    sizes = (size_a, size_b)
+    focals = [(focal_from_fov(fov, *size), fov) for fov, size in zip(fovs, sizes, strict=True) if fov is not None]
+    if not focals:
+        return _choose_model(matches, _Lens(sizes, (1.0, 1.0), np.inf))
+    log_std = np.radians(fov_std) / np.sin(np.radians(focals[0][1]))  # d log f = d fov / sin fov
+    return _choose_model(matches, _Lens(sizes, (focals[0][0], focals[-1][0]), float(log_std)))
 
 
 @dataclass(frozen=True)
@@ -113,27 +118,15 @@ class _Lens:
     focal: tuple[float, float]  # of both photos [half diagonals]
     log_std: float  # one standard deviation of the zoom's logarithm; 0 exact, infinite unknown
 
-    @classmethod
-    def of(
-        cls, a: tuple[int, int], b: tuple[int, int], fovs: tuple[float | None, float | None], fov_std: float
-    ) -> "_Lens":
-        """The lens of two photos with vertical fields of view [deg] or None."""
-        focals = [(focal_from_fov(fov, *size), fov) for fov, size in zip(fovs, (a, b), strict=True) if fov is not None]
-        if not focals:
-            return cls((a, b), (1.0, 1.0), np.inf)
-        log_std = np.radians(fov_std) / np.sin(np.radians(focals[0][1]))  # d log f = d fov / sin fov
-        return cls((a, b), (focals[0][0], focals[-1][0]), float(log_std))
-
     def zooms(self) -> list[float]:
         """The zooms to try."""
         if np.isinf(self.log_std):
             return [float(z) for z in 1.0 / np.tan(np.radians(_DIAGONAL_FOVS) / 2.0)]
         return [1.0] if self.log_std < 0.01 else [float(np.exp(k * self.log_std)) for k in (-2, -1, 0, 1, 2)]
 
-    def fovs(self, zoom: float) -> tuple[float, float]:
-        """Vertical fields of view [deg] of both photos."""
-        first, second = (fov_from_focal(zoom * f, *s) for f, s in zip(self.focal, self.sizes, strict=True))
-        return first, second
+    def zoomed(self, zoom: float) -> tuple[float, float]:
+        """Both focal lengths times a zoom."""
+        return zoom * self.focal[0], zoom * self.focal[1]
 
     def prior(self) -> float:
         """Inverse variance of the zoom's logarithm."""
@@ -147,45 +140,37 @@ def _choose_model(matches: Matches, lens: _Lens) -> RelativeRotation | None:
     if obeying is None:
         return static
     trusted = static if static is not None and static.inliers >= _MIN_STATIC_SHARE * len(obeying) else None
-    result = _fit_two_lenses(obeying, lens)
-    if result is None or _clearly_more(len(obeying), int(np.sum(result.inliers))):
+    zoomed = None
+    if lens.log_std >= _MIN_GUESS_STD:  # no focal length is known: perhaps each photo has its own
+        wide = replace(lens, log_std=2.0 * lens.log_std)  # several lenses make a poorer guess of one
+        zoomed = _estimate_zoom(obeying, lens.focal, wide.zooms(), wide.prior())
+    if zoomed is None or _clearly_more(len(obeying), int(np.sum(zoomed.inliers))):
         return _fit_motion(obeying, len(matches), lens) or trusted
-    return (_fit_zoom(result, len(matches), lens) if np.mean(result.inliers) >= _MIN_ZOOMED_SHARE else None) or trusted
+    if np.mean(zoomed.inliers) < _MIN_ZOOMED_SHARE:
+        return trusted
+    covariance = 2.0 * _STATIC_ERROR_FACTOR**2 * zoomed.covariance  # each match counts in both photos
+    count = int(np.sum(zoomed.inliers))
+    return _describe(lens, zoomed.rotation, zoomed.focal, covariance, (count, len(matches)), zoomed=True) or trusted
 
 
 def _fit_rotation(matches: Matches, lens: _Lens) -> RelativeRotation | None:
     """The rotation of a camera that stayed where it was, or looks at far things only."""
-    result = ransac_rotation(matches, lens.focal, lens.zooms())
-    rotation, zoom = result.rotation, result.zoom
+    rotation, zoom = ransac_rotation(matches, lens.focal, lens.zooms())
     scale = INLIER_TOLERANCE * matches.pixel
     for _ in range(2):
-        near = _distances(matches, rotation, zoom, lens.focal) < 2.0 * scale
+        near = _distances(matches, rotation, lens.zoomed(zoom)) < 2.0 * scale
         if np.count_nonzero(near) < _MIN_INLIERS:
             return None
         fit = _refine_rotation(matches, near, rotation, zoom, lens)
         rotation, zoom = rotation_about(fit.parameters[:3]) @ rotation, zoom * float(np.exp(fit.parameters[3]))
-    count = int(np.count_nonzero(_distances(matches, rotation, zoom, lens.focal) < scale))
-    common = int(np.count_nonzero(_in_common(matches, rotation, zoom, lens)))
+    first, second = lens.zoomed(zoom)
+    count = int(np.count_nonzero(_distances(matches, rotation, (first, second)) < scale))
+    moved = np.abs(project_points(rays_through(matches.a, first) @ rotation.T, second))
+    common = int(np.count_nonzero(np.all(moved <= np.array(lens.sizes[1]) / np.hypot(*lens.sizes[1]), axis=1)))
     if count < max(_MIN_INLIERS, _MIN_INLIER_SHARE * common):
         return None
     covariance = 2.0 * _STATIC_ERROR_FACTOR**2 * fit.covariance  # each match counts in both photos
-    return _sure_enough(RelativeRotation(rotation, *_uncertainty(covariance, zoom, lens), count, len(matches)))
-
-
-def _fit_two_lenses(obeying: Matches, lens: _Lens) -> "_ZoomedPair | None":
-    """The best rotation with a focal length for each photo, where none is known and one does not do for both."""
-    if lens.log_std < _MIN_GUESS_STD:
-        return None
-    wide = replace(lens, log_std=2.0 * lens.log_std)  # what photos of several lenses look like is a poorer guess of one
-    return _estimate_zoom(obeying, lens.focal, wide.zooms(), wide.prior())
-
-
-def _fit_zoom(result: "_ZoomedPair", matches: int, lens: _Lens) -> RelativeRotation | None:
-    """The rotation of a camera that stayed where it was and was zoomed."""
-    covariance = 2.0 * _STATIC_ERROR_FACTOR**2 * result.covariance  # each match counts in both photos
-    uncertainty = _uncertainty(covariance, 1.0, replace(lens, focal=result.focal))
-    count = int(np.sum(result.inliers))
-    return _sure_enough(RelativeRotation(result.rotation, *uncertainty, count, matches, zoomed=True))
+    return _describe(lens, rotation, (first, second), covariance, (count, len(matches)))
 
 
 def _fit_motion(obeying: Matches, matches: int, lens: _Lens) -> RelativeRotation | None:
@@ -193,25 +178,24 @@ def _fit_motion(obeying: Matches, matches: int, lens: _Lens) -> RelativeRotation
     result = essential_motion(obeying, lens.focal, lens.zooms(), lens.prior())
     if result is None or (count := int(np.count_nonzero(result.inliers))) < _MIN_MOVING_INLIERS:
         return None
-    uncertainty = _uncertainty(_MOVING_ERROR_FACTOR**2 * result.covariance, result.zoom, lens)
-    return _sure_enough(RelativeRotation(result.rotation, *uncertainty, count, matches, translates=True))
+    focal, covariance = lens.zoomed(result.zoom), _MOVING_ERROR_FACTOR**2 * result.covariance
+    return _describe(lens, result.rotation, focal, covariance, (count, matches), translates=True)
 
 
-def _uncertainty(covariance: Floats, zoom: float, lens: _Lens) -> tuple[Floats, tuple[float, float], float]:
-    """Covariance [deg^2], fields of view [deg] and their standard deviation, by the covariance (4, 4) of a fit."""
-    fovs = lens.fovs(zoom)
-    std = float(np.sqrt(covariance[3, 3]) * np.degrees(np.sin(np.radians(fovs[0]))))
-    return np.degrees(np.degrees(covariance[:3, :3])), fovs, std
-
-
-def _sure_enough(relative: RelativeRotation) -> RelativeRotation | None:
+def _describe(
+    lens: _Lens, rotation: Floats, focal: tuple[float, float], covariance: Floats, counts: tuple[int, int], **kind: bool
+) -> RelativeRotation | None:
+    """The rotation of a fit by its focal lengths, covariance (4, 4), inliers and matches; None where it is not sure."""
+    first, second = (fov_from_focal(f, *size) for f, size in zip(focal, lens.sizes, strict=True))
+    fov_std = float(np.sqrt(covariance[3, 3]) * np.degrees(np.sin(np.radians(first))))
+    in_degrees = np.degrees(np.degrees(covariance[:3, :3]))
+    relative = RelativeRotation(rotation, in_degrees, (first, second), fov_std, *counts, **kind)
     return relative if relative.std <= _MAX_STD else None
 
 
-def _distances(matches: Matches, rotation: Floats, zoom: float, focal: tuple[float, float]) -> Floats:
+def _distances(matches: Matches, rotation: Floats, focal: tuple[float, float]) -> Floats:
     """How far (M,) [half diagonals] each match is from obeying the rotation, in the worse of both photos."""
-    scaled = (zoom * focal[0], zoom * focal[1])
-    return np.asarray(np.max(np.linalg.norm(_transfer_errors(matches.a, matches.b, rotation, scaled), axis=-1), axis=0))
+    return np.asarray(np.max(np.linalg.norm(_transfer_errors(matches.a, matches.b, rotation, focal), axis=-1), axis=0))
 
 
 def _refine_rotation(
@@ -220,22 +204,13 @@ def _refine_rotation(
     a, b = matches.a[near], matches.b[near]
 
     def residuals(at: Floats) -> Floats:
-        factor = zoom * float(np.exp(at[3]))
-        scaled = (factor * lens.focal[0], factor * lens.focal[1])
+        scaled = lens.zoomed(zoom * float(np.exp(at[3])))
         return _transfer_errors(a, b, rotation_about(at[:3]) @ rotation, scaled).ravel()
 
     scale = INLIER_TOLERANCE * matches.pixel / 2.0
     prior = np.array([0.0, 0.0, 0.0, lens.prior()])
     expected = np.array([0.0, 0.0, 0.0, -np.log(zoom)])
     return least_squares(residuals, np.zeros(4), scale, prior, expected)
-
-
-def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: _Lens) -> NDArray[np.bool_]:
-    """Which matches' first points the rotation puts inside the second photo."""
-    width, height = lens.sizes[1]
-    at = np.abs(project_points(rays_through(matches.a, zoom * lens.focal[0]) @ rotation.T, zoom * lens.focal[1]))
-    half = np.array([width, height]) / np.hypot(width, height)
-    return np.asarray(np.all(at <= half, axis=1))
 
 
 # A camera that also moved: the essential matrix [3, 4].
