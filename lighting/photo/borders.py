@@ -13,14 +13,15 @@ References:
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeVar
+from operator import ne
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.geometry import Floats, shrink_size
-from lighting.photo.picture_checks import has_seams, stereo_half, true_share
+from lighting.photo.picture_checks import has_seams, median_of_rows, stereo_half, true_share
 
 _Bytes = NDArray[np.uint8]
 _Mask = NDArray[np.bool_]
@@ -93,8 +94,7 @@ class Layout:
     """Whether the picture shows one view for each eye."""
 
 
-@dataclass(frozen=True, repr=False)
-class _Box:
+class _Box(NamedTuple):
     """A part of the searched picture, in pixels."""
 
     left: int
@@ -105,6 +105,14 @@ class _Box:
     @property
     def area(self) -> int:
         return (self.right - self.left) * (self.bottom - self.top)
+
+    def margins(self, whole: "_Box") -> list[int]:
+        """Pixels from the sides of a whole: at the left, top, right and bottom."""
+        return [abs(side - end) for side, end in zip(self, whole, strict=True)]
+
+    def part(self, left: int, top: int, right: int, bottom: int) -> "_Box":
+        """A part of this part, by its place in it."""
+        return _Box(self.left + left, self.top + top, self.left + right, self.top + bottom)
 
     def of(self, values: NDArray[_Kind]) -> NDArray[_Kind]:
         """The part's values."""
@@ -128,7 +136,7 @@ def find_layout(pixels: _Bytes) -> Layout:
     box = half or whole
     for _ in range(_MAX_BORDERS):
         pictures = _pictures_on_background(small, box)
-        if not pictures or (len(pictures) == 1 and _is_one_sided(pictures[0], box)):  # a smooth bar may be plain
+        if not pictures or (len(pictures) == 1 and sum(map(ne, pictures[0], box)) == 1):  # a smooth bar may be plain
             pictures = _picture_among_smooth_bars(small, gray, box) or pictures
         if len(pictures) > 1:
             return Layout(is_collage=True)
@@ -141,22 +149,17 @@ def find_layout(pixels: _Bytes) -> Layout:
         return Layout(is_collage=True)
     if box == whole:
         return Layout()
-    inset = int(size != image.size)  # a line that the reduction mixed of border and photo
-    return Layout(_shares(box, size, inset), is_stereo_pair=half is not None)
+    (width, height), inset = size, int(size != image.size)  # a line that the reduction mixed of border and photo
+    left, top = (edge + inset * (edge > 0) for edge in (box.left, box.top))
+    right, bottom = box.right - inset * (box.right < width), box.bottom - inset * (box.bottom < height)
+    photo = Rectangle(left / width, top / height, right / width, bottom / height)
+    return Layout(photo, is_stereo_pair=half is not None)
 
 
 def _stereo_half(gray: NDArray[np.int16], box: _Box) -> _Box | None:
     """The half that counts of a stereo pair; None of others."""
     half = stereo_half(box.of(gray))
-    return None if half is None else _Box(box.left, box.top, box.left + half[1], box.top + half[0])
-
-
-def _shares(box: _Box, size: tuple[int, int], inset: int) -> Rectangle:
-    """The box as shares of the searched picture; sides that are not the picture's own move in by some pixels."""
-    width, height = size
-    left, top = (edge + inset * (edge > 0) for edge in (box.left, box.top))
-    right, bottom = box.right - inset * (box.right < width), box.bottom - inset * (box.bottom < height)
-    return Rectangle(left / width, top / height, right / width, bottom / height)
+    return None if half is None else box.part(0, 0, half[1], half[0])
 
 
 # Pictures on a plain background.
@@ -186,8 +189,8 @@ def _pictures_on_background(pixels: NDArray[np.int16], box: _Box) -> list[_Box]:
 
 def _is_framed(difference: NDArray[np.int16], box: _Box, picture: _Box) -> bool:
     """Whether a background that is no side's, as between the bars of a window, lies around a picture on all sides."""
-    margins = picture.left - box.left, picture.top - box.top, box.right - picture.right, box.bottom - picture.bottom
-    return min(margins) > 1 and all(_edge_jump(difference, box, picture, side) >= _FRAME_SHARE for side in range(4))
+    jumps = (_edge_jump(difference, box, picture, side) for side in range(4))
+    return min(picture.margins(box)) > 1 and min(jumps) >= _FRAME_SHARE
 
 
 def _has_shades(pixels: NDArray[np.int16], box: _Box) -> bool:
@@ -198,16 +201,9 @@ def _has_shades(pixels: NDArray[np.int16], box: _Box) -> bool:
 
 def _is_smaller(inner: _Box, outer: _Box) -> bool:
     """Whether a border is wide enough to count."""
-    wide = _MIN_BORDER * (outer.right - outer.left), _MIN_BORDER * (outer.bottom - outer.top)
-    across = max(inner.left - outer.left, outer.right - inner.right)
-    along = max(inner.top - outer.top, outer.bottom - inner.bottom)
-    return across > max(wide[0], 1.0) or along > max(wide[1], 1.0)
-
-
-def _is_one_sided(inner: _Box, outer: _Box) -> bool:
-    """Whether a border is at one side alone."""
-    ends = (inner.left, outer.left), (inner.top, outer.top), (inner.right, outer.right), (inner.bottom, outer.bottom)
-    return sum(one != other for one, other in ends) == 1
+    left, top, right, bottom = inner.margins(outer)
+    across, along = (_MIN_BORDER * (outer.right - outer.left), _MIN_BORDER * (outer.bottom - outer.top))
+    return max(left, right) > max(across, 1.0) or max(top, bottom) > max(along, 1.0)
 
 
 def _background_colors(pixels: NDArray[np.int16], box: _Box) -> Iterator[tuple[NDArray[np.int16], bool]]:
@@ -226,8 +222,7 @@ def _background_colors(pixels: NDArray[np.int16], box: _Box) -> Iterator[tuple[N
 
 def _plain_colors(lines: NDArray[np.int16]) -> list[NDArray[np.int16] | None]:
     """The color (3,) of each line (N, 3, P) of pixels; None where it has several."""
-    ordered, size = np.sort(lines, axis=2), lines.shape[2]
-    colors = ((ordered[..., (size - 1) // 2] + ordered[..., size // 2]) / 2).astype(np.int16)  # the median
+    colors = median_of_rows(lines).astype(np.int16)
     is_plain = true_share(np.abs(lines - colors[..., None]).max(axis=1) <= _TOLERANCE, 1) >= _GAP_SHARE
     return [color if plain else None for color, plain in zip(colors, is_plain, strict=True)]
 
@@ -247,7 +242,7 @@ def _cut(background: _Mask, box: _Box, depth: int) -> list[_Box]:
     part = box.of(background)
     rows, columns = (_runs(true_share(part, axis) < _GAP_SHARE) for axis in (1, 0))
     boxes = [
-        _Box(box.left + left, box.top + top, box.left + right, box.top + bottom)
+        box.part(left, top, right, bottom)
         for top, bottom in rows
         for left, right in (columns if len(rows) == 1 else [(0, box.right - box.left)])
     ]
@@ -265,20 +260,15 @@ def _runs(values: _Mask) -> list[tuple[int, int]]:
 def _refine(background: _Mask, box: _Box) -> _Box:
     """The block without the noise that JPEG leaves beside its edges."""
     part = box.of(background)
-    top, bottom = _inner_run(true_share(part, 1))
-    left, right = _inner_run(true_share(part, 0))
-    return _Box(box.left + left, box.top + top, box.left + right, box.top + bottom)
+    (top, bottom), (left, right) = (_inner_run(true_share(part, axis)) for axis in (1, 0))
+    return box.part(left, top, right, bottom)
 
 
 def _inner_run(shares: Floats) -> tuple[int, int]:
     """The lines between the first and the last that are drawn on, if these lie near the ends."""
-    begin, end, reach = 0, len(shares), max(4, len(shares) // 40)
-    drawn = np.flatnonzero(shares < 1 - _EDGE_SHARE)
-    if len(drawn) and drawn[0] <= reach:
-        begin = int(drawn[0])
-    if len(drawn) and end - 1 - drawn[-1] <= reach:
-        end = int(drawn[-1]) + 1
-    return begin, end
+    end, reach = len(shares), max(4, len(shares) // 40)
+    drawn = np.flatnonzero(shares < 1 - _EDGE_SHARE).tolist() or [0, end - 1]
+    return drawn[0] if drawn[0] <= reach else 0, drawn[-1] + 1 if end - 1 - drawn[-1] <= reach else end
 
 
 def _as_picture(difference: NDArray[np.int16], whole: _Box, block: _Box) -> _Box | None:
@@ -287,7 +277,7 @@ def _as_picture(difference: NDArray[np.int16], whole: _Box, block: _Box) -> _Box
     One side may fade into the background, as a white sky does into white. A frame is as wide there as beside, a bar as
     wide as the opposite one, and opposite a foot with a text there is none.
     """
-    margins = [block.left - whole.left, block.top - whole.top, whole.right - block.right, whole.bottom - block.bottom]
+    margins = block.margins(whole)
     jumps = [_edge_jump(difference, whole, block, side) if margins[side] > 1 else 1.0 for side in range(4)]
     for side in range(2):
         if abs(margins[side] - margins[side + 2]) <= _REACH:  # equal bars confirm each other, about a dark picture too
@@ -356,14 +346,11 @@ def _picture_among_smooth_bars(pixels: NDArray[np.int16], gray: NDArray[np.int16
     top, bottom = rows or (0, part.shape[0])
     left, right = columns or (0, part.shape[1])
     found = _Box(left, top, right, bottom)
-    if found.area < _MIN_AREA * part.shape[0] * part.shape[1]:
+    if found.area < _MIN_AREA * box.area or not _has_shades(part, found):
         return []
-    if not _has_shades(part, found):
-        return []
-    one_way = rows is None or columns is None
-    if one_way and not (_is_gradient(part, found) or _is_blurred_copy(part, found)):
-        return []
-    return [_Box(box.left + left, box.top + top, box.left + right, box.top + bottom)]
+    both_ways = rows is not None and columns is not None
+    is_framed = both_ways or _is_gradient(part, found) or _is_blurred_copy(part, found)
+    return [box.part(*found)] if is_framed else []
 
 
 def _smooth_bars(gray: NDArray[np.int16]) -> tuple[int, int] | None:
@@ -380,9 +367,9 @@ def _end_of_smooth_bar(gray: NDArray[np.int16]) -> int:
     if not _are_smooth(gray[: 2 * _REACH + 2]).all():  # as of most photos
         return 0
     runs = _runs(~_are_smooth(gray))
-    first = runs[0][0] if runs else 0
+    first, reach = runs[0][0] if runs else 0, max(3 * _REACH, len(gray) // 32)  # rows within which an edge lies
     for begin, end in runs:  # lines of text, until the photo begins
-        rows = np.arange(max(2, begin + 1 - _REACH), min(begin + 1 + _edge_reach(gray), len(gray) - 1))
+        rows = np.arange(max(2, begin + 1 - _REACH), min(begin + 1 + reach, len(gray) - 1))
         share = (np.abs(gray[rows + 1] - gray[rows - 2]) > _SMOOTH_JUMP).mean(axis=1)
         if share.max(initial=0.0) >= (_EDGE_SHARE if begin == first else _EDGE_SHARE_BELOW_TEXT):
             return int(rows[share.argmax()])
@@ -395,11 +382,6 @@ def _are_smooth(gray: NDArray[np.int16]) -> _Mask:
     """Whether each row, but the first and the last, bends little to any side."""
     bent = [true_share(np.abs(np.diff(gray, n=2, axis=axis)) <= _SMOOTH_BEND, 1) for axis in (0, 1)]
     return np.asarray(np.minimum(bent[0], bent[1][1:-1]) >= _SMOOTH_SHARE)
-
-
-def _edge_reach(gray: NDArray[np.int16]) -> int:
-    """Rows behind the last smooth one within which a photo's edge lies."""
-    return max(3 * _REACH, len(gray) // 32)
 
 
 def _is_gradient(part: NDArray[np.int16], inner: _Box) -> bool:

@@ -110,8 +110,8 @@ def _palette_residual(position: Floats, colors: Floats) -> float:
     steps = ((position - low) * (_POSITIONS / max(high - low, _LEAST_RANGE))).astype(np.uint16)  # sorted by radix
     chosen = np.argsort(steps, kind="stable")[: size * _PALETTE_PARTS]
     parts = colors.take(chosen, axis=1).reshape(3, _PALETTE_PARTS, size)
-    parts -= _middle(parts)[..., None]
-    return float(_middle(np.sqrt(np.square(parts).sum(axis=0))).mean())
+    parts -= median_of_rows(parts)[..., None]
+    return float(median_of_rows(np.sqrt(np.square(parts).sum(axis=0))).mean())
 
 
 def _path_residual(colors: Floats, cell: float) -> float:
@@ -156,12 +156,15 @@ def _tree_distances(distances: Floats) -> Floats:
     return np.asarray(along[np.ix_(place, place)])
 
 
-def _middle(values: Floats) -> Floats:
-    """The median along the last axis, for which NumPy's own function would import masked arrays."""
+def median_of_rows(values: NDArray[np.number]) -> Floats:
+    """The median (...) along the last axis, for which NumPy's own function would import masked arrays.
+
+    Args:
+        values: (..., N).
+    """
     size = values.shape[-1]
-    below, above = (size - 1) // 2, size // 2
     ordered = np.sort(values, axis=-1)
-    return np.asarray((ordered[..., below] + ordered[..., above]) / 2)
+    return np.asarray((ordered[..., (size - 1) // 2] + ordered[..., size // 2]) / 2)
 
 
 _STEREO_CORRELATION = 0.6  # of halves; of 673 photos one has more, whose rows differ in brightness
