@@ -283,14 +283,15 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool, quiet: bool) 
     from lighting.formatting import format_side
 
     state = _state(sky, sun, quiet)
+    fit = state.fit
     if as_json:
         click.echo(json.dumps({"file": escape_undecodable(sky), **state.to_dict()}))
         return
-    trust = "" if state.trusted else ", not to be trusted"
+    trust = "" if fit.ok else ", not to be trusted"
     click.echo(
         f"{escape_path(sky)}: sun {format_side(state.sun_azimuth, 1)} of the centre, "
         f"{state.sun_elevation:.1f}° high ({state.sun_source}); "
-        f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
+        f"turbidity {fit.turbidity:.1f}, exposure {fit.exposure:.4g}, residual {100 * fit.residual:.0f} %"
         f"{trust}; cover {100 * state.cover:.0f} %"
     )
 

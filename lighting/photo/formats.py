@@ -10,7 +10,7 @@ References:
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from io import BytesIO
 from typing import Any, Literal
@@ -18,8 +18,6 @@ from typing import Any, Literal
 from PIL import ExifTags, Image
 
 from lighting.photo.tags import UTF_16
-
-_HeifKind = Literal["HEIF", "AVIF"]
 
 _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs"}
 _AVIF_BRANDS = {b"avif", b"avis"}
@@ -29,7 +27,7 @@ _MAX_BOXES = 4096  # beside each other that are read
 _MAX_ITEMS = 1 << 16  # whose properties are read; a tile of a picture is an item
 
 
-def _heif_kind(data: bytes) -> _HeifKind | None:
+def _heif_kind(data: bytes) -> Literal["HEIC", "AVIF"] | None:
     """Which kind of HEIF a file is, by its brands; None for what is none that is read.
 
     Args:
@@ -40,7 +38,7 @@ def _heif_kind(data: bytes) -> _HeifKind | None:
         return None
     if brands[0] not in _HEIC_BRANDS and _AVIF_BRANDS.intersection(brands):
         return "AVIF"
-    return "HEIF"
+    return "HEIC"
 
 
 def _ftyp_brands(data: bytes) -> list[bytes]:
@@ -67,7 +65,7 @@ def open_heif(data: bytes) -> Image.Image:
         UnidentifiedImageError: it is neither.
         SyntaxError: it is a HEIC that cannot be read.
     """
-    if _heif_kind(data) != "HEIF":
+    if _heif_kind(data) != "HEIC":
         return Image.open(BytesIO(data), formats=["AVIF"])
     from pi_heif import HeifImageFile
 
@@ -112,23 +110,21 @@ def restore_orientation(image: Image.Image, data: bytes, orientation: Any) -> No
 def _turns_picture(data: bytes) -> bool:
     """Whether the primary picture has a property that turns or mirrors it."""
     try:
-        meta = dict(_children(data, *_find(data, (0, len(data)), b"meta"), skip=4))
+        start, end = next(span for kind, span in _children(data, 0, len(data)) if kind == b"meta")
+        meta = dict(_children(data, start + 4, end))
         properties = dict(_children(data, *meta[b"iprp"]))
-        kinds = [(kind, span) for kind, span in _children(data, *properties[b"ipco"])]
-        chosen = _property_indices(data, *properties[b"ipma"], item=_primary_item(data, *meta[b"pitm"]))
+        kinds = list(_children(data, *properties[b"ipco"]))
+        start, _ = meta[b"pitm"]
+        (item,) = struct.unpack_from(">I" if data[start] else ">H", data, start + 4)
+        chosen = _property_indices(data, *properties[b"ipma"], item)
         own = [kinds[index - 1] for index in chosen if 0 < index <= len(kinds)]
     except (KeyError, StopIteration, struct.error):
         return False
     return any(kind == b"imir" or (kind == b"irot" and data[start] & 3) for kind, (start, _) in own)
 
 
-def _find(data: bytes, span: tuple[int, int], wanted: bytes) -> tuple[int, int]:
-    return next(inner for kind, inner in _children(data, *span) if kind == wanted)
-
-
-def _children(data: bytes, start: int, end: int, skip: int = 0) -> Iterator[tuple[bytes, tuple[int, int]]]:
-    """Kinds and contents of the boxes in a part of the file, behind `skip` bytes."""
-    position = start + skip
+def _children(data: bytes, position: int, end: int) -> Iterator[tuple[bytes, tuple[int, int]]]:
+    """Kinds and contents of the boxes in a part of the file."""
     for _ in range(_MAX_BOXES):
         if position + 8 > end:
             return
@@ -141,11 +137,6 @@ def _children(data: bytes, start: int, end: int, skip: int = 0) -> Iterator[tupl
             return
         yield kind, (position + head, position + size)
         position += size
-
-
-def _primary_item(data: bytes, start: int, _end: int) -> int:
-    (item,) = struct.unpack_from(">I" if data[start] else ">H", data, start + 4)
-    return int(item)
 
 
 def _property_indices(data: bytes, start: int, end: int, item: int) -> list[int]:
@@ -251,19 +242,20 @@ def unreadable_sentence(data: bytes) -> str:
     for photo, start in _PHOTOS:
         if data.startswith(start) and data[3:4] != b"\xf7":
             return f"The {photo} is damaged or cut short."
-    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        return "The WebP is damaged or cut short."
-    if kind := _heif_kind(data):
-        return f"The {'HEIC' if kind == 'HEIF' else kind} is damaged or cut short."
-    if name := _raw_name(data):
-        return f"This is {name}, an unsupported RAW photo; convert it to JPEG or TIFF, for example with darktable-cli."
-    if name := _clip_name(data):
-        return f"This is {name}, not a photo; the command `lighting video` reads clips."
-    if name := _picture_name(data):
-        return f"This is {name}, not a supported photo; convert it to {_READ}."
-    if name := _other_name(data):
-        return f"This is {name}, not a photo."
-    return UNREADABLE
+    if heif := _photo_name(data):
+        return f"The {heif} is damaged or cut short."
+    named = ((sentence, name) for names, sentence in _SENTENCES if (name := names(data)))
+    return next((sentence.format(name) for sentence, name in named), UNREADABLE)
+
+
+def _photo_name(data: bytes) -> str | None:
+    """The name, without an article, of what this program reads beside JPEG, PNG and TIFF."""
+    return "WebP" if _riff_kind(data) == b"WEBP" else _heif_kind(data)
+
+
+def _riff_kind(data: bytes) -> bytes:
+    """What a RIFF file holds, four bytes; none of other files."""
+    return data[8:12] if data[:4] == b"RIFF" else b""
 
 
 def begins_as_photo(head: bytes) -> bool:
@@ -272,8 +264,7 @@ def begins_as_photo(head: bytes) -> bool:
     Args:
         head: its first HEAD_BYTES bytes.
     """
-    is_webp = head[:4] == b"RIFF" and head[8:12] == b"WEBP"
-    return head.startswith(_PHOTO_HEADS) or is_webp or head[4:8] == b"ftyp"
+    return head.startswith(_PHOTO_HEADS) or _riff_kind(head) == b"WEBP" or head[4:8] == b"ftyp"
 
 
 def kind_name(data: bytes) -> str | None:
@@ -282,11 +273,9 @@ def kind_name(data: bytes) -> str | None:
     Args:
         data: the first bytes of a file.
     """
-    if kind := _heif_kind(data):
-        return "a HEIC" if kind == "HEIF" else "an AVIF"
-    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        return "a WebP"
-    return _raw_name(data) or _clip_name(data) or _picture_name(data) or _other_name(data)
+    if photo := _photo_name(data):
+        return f"an {photo}" if photo == "AVIF" else f"a {photo}"
+    return next((name for names, _ in _SENTENCES if (name := names(data))), None)
 
 
 def _raw_name(data: bytes) -> str | None:
@@ -298,7 +287,7 @@ def _clip_name(data: bytes) -> str | None:
         return _iso_clip_name(brands[0])
     if data[4:8] in _QUICKTIME_ATOMS:
         return "a MOV clip (QuickTime)"
-    if data[:4] == b"RIFF" and data[8:12] == b"AVI ":
+    if _riff_kind(data) == b"AVI ":
         return "an AVI clip"
     if any(data[first : first + 1] == data[first + step : first + step + 1] == b"G" for first, step in _TS_PACKETS):
         return "an MPEG clip (transport stream)"
@@ -331,13 +320,13 @@ def _picture_name(data: bytes) -> str | None:
         return "an EMF"
     if data[2048:2055] == b"PCD_IPI":
         return "a Photo CD picture (PCD)"
-    if data[:4] == b"RIFF" and data[8:12] == b"ACON":
+    if _riff_kind(data) == b"ACON":
         return "a cursor (ANI)"
     if data[522:526] == b"\0\x11\2\xff":
         return "a PICT"
     if data[:4] in _DIB_HEADERS and data[12:16] in _DIB_PLANES:
         return "a BMP without its first header (DIB)"
-    if data[:4] == b"RIFF" and data[8:11] == b"CDR":
+    if _riff_kind(data)[:3] == b"CDR":
         return "a CorelDRAW document (CDR)"
     if data[:2] == _GZIP and _is_svg(_first_of_gzip(data)):
         return "an SVG (compressed, SVGZ)"
@@ -366,7 +355,7 @@ def _first_of_gzip(data: bytes) -> bytes:
 def _other_name(data: bytes) -> str | None:
     if data[257:262] == b"ustar":
         return "a TAR archive"
-    if data[:4] == b"RIFF" and data[8:12] == b"WAVE":
+    if _riff_kind(data) == b"WAVE":
         return "a WAV"
     if data.count(0) == len(data):
         return "a file of zeros alone, as a broken copy leaves it"
@@ -406,3 +395,11 @@ def _is_tga(data: bytes) -> bool:
     pixels = width * height * -(-data[16] // 8)
     least = 18 + data[0] + (colors if data[1] else 0)
     return width > 0 < height and (len(data) >= least + pixels if data[2] in _TGA_UNCOMPRESSED else pixels > least)
+
+
+_SENTENCES: tuple[tuple[Callable[[bytes], str | None], str], ...] = (  # of files by who names them
+    (_raw_name, "This is {}, an unsupported RAW photo; convert it to JPEG or TIFF, for example with darktable-cli."),
+    (_clip_name, "This is {}, not a photo; the command `lighting video` reads clips."),
+    (_picture_name, f"This is {{}}, not a supported photo; convert it to {_READ}."),
+    (_other_name, "This is {}, not a photo."),
+)

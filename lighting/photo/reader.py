@@ -66,15 +66,15 @@ _BYTES_PER_PIXEL = 4  # of the `max_pixels`; a kind that needs more per pixel ma
 _FIXED_BYTES = 64_000_000  # bytes beside, of conversions in strips
 
 _BYTES_PER_COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
-_DECODER_BYTES_PER_PIXEL = {  # by `python -m benchmarks.decoding` (Pillow 13.0.0, pillow-heif 1.8.1), rounded up
-    "JPEG": 1.0,  # decoded row by row, and reduced on the way
-    "PNG": 4.0,  # Pillow's own picture
-    "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
-    "HEIF": 10.0,
-    "TIFF": 16.0,  # a strip as large as the picture, of up to twice the bytes per color, beside Pillow's own
-    "AVIF": 14.0,
+# Name of a kind, and bytes per pixel by `python -m benchmarks.decoding` (Pillow 13.0.0, pillow-heif 1.8.1), rounded up.
+_DECODERS = {
+    "JPEG": ("JPEG", 1.0),  # decoded row by row, and reduced on the way
+    "PNG": ("PNG", 4.0),  # Pillow's own picture
+    "WEBP": ("WebP", 18.0),  # lossy and lossless alike: Pillow reads both as animations
+    "HEIF": ("HEIC", 10.0),
+    "TIFF": ("TIFF", 16.0),  # a strip as large as the picture, of up to twice the bytes per color, beside Pillow's own
+    "AVIF": ("AVIF", 14.0),
 }
-_FORMAT_NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
 
 
 @dataclass(frozen=True)
@@ -324,14 +324,15 @@ def _pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int,
     kind = "JPEG" if image.format == "MPO" else str(image.format)
     coefficients = containers.dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
     if not coefficients:
-        return _max_pixels_of_format(kind, max_pixels), _FORMAT_NAMES[kind]
+        return _limit_of_kind(kind, max_pixels)
     fitting = int(max_pixels * _BYTES_PER_PIXEL / (coefficients * _BYTES_PER_COEFFICIENT))
-    return min(max_pixels, fitting), f"progressive {_FORMAT_NAMES[kind]}"
+    return min(max_pixels, fitting), "progressive JPEG"
 
 
-def _max_pixels_of_format(kind: str, max_pixels: int) -> int:
-    """How many pixels a picture of a kind of _DECODER_BYTES_PER_PIXEL may have."""
-    return min(max_pixels, int(max_pixels * _BYTES_PER_PIXEL / _DECODER_BYTES_PER_PIXEL[kind]))
+def _limit_of_kind(kind: str, max_pixels: int) -> tuple[int, str]:
+    """How many pixels a picture of a kind of _DECODERS may have, and the kind's name for people."""
+    name, bytes_per_pixel = _DECODERS[kind]
+    return min(max_pixels, int(max_pixels * _BYTES_PER_PIXEL / bytes_per_pixel)), name
 
 
 def memory_budget(size: int, max_pixels: int, target: int | None) -> int:
@@ -365,18 +366,16 @@ def read_bytes(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
 
 
 def _read_stream(stream: BinaryIO, limit: int) -> bytes:
+    problem = None
     if isinstance(stream, TextIOBase):
-        raise PhotoError(
-            "The file is open as text; open it in binary mode: open(path, 'rb').", code=ErrorCode.WRONG_TYPE
-        )
-    if isinstance(stream, Photo):
-        raise PhotoError(
-            "That is a Photo already, which needs no reading; an Estimator takes it.", code=ErrorCode.WRONG_TYPE
-        )
-    if not hasattr(stream, "read"):
+        problem = "The file is open as text; open it in binary mode: open(path, 'rb')."
+    elif isinstance(stream, Photo):
+        problem = "That is a Photo already, which needs no reading; an Estimator takes it."
+    elif not hasattr(stream, "read"):
         kind = type(stream).__name__
-        sentence = f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_from_array takes pixels."
-        raise PhotoError(sentence, code=ErrorCode.WRONG_TYPE)
+        problem = f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_from_array takes pixels."
+    if problem:
+        raise PhotoError(problem, code=ErrorCode.WRONG_TYPE)
     chunks: list[bytes] = []
     while limit > 0 and (chunk := stream.read(min(limit, _CHUNK_BYTES))):
         chunks.append(chunk)
@@ -394,7 +393,7 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
     containers.check_structure(data)
     data = tiff.without_costly_exif(data)
     if size := containers.webp_size(data):
-        _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
+        _check_size(*size, *_limit_of_kind("WEBP", max_pixels))
     with decoder_calls():
         try:
             image = _open_image(data)

@@ -388,8 +388,8 @@ def _serve_decoder() -> None:
 
 def _answer_request(request: _DecodeRequest, data: bytes, answers: BinaryIO) -> None:
     try:
-        limits = {"max_bytes": request.max_bytes, "max_pixels": request.max_pixels, "target": request.target}
-        photo = read_photo(data, **limits, sidecar=dict(request.sidecar))
+        sidecar, limits = dict(request.sidecar), (request.max_bytes, request.max_pixels)
+        photo = read_photo(data, max_bytes=limits[0], max_pixels=limits[1], target=request.target, sidecar=sidecar)
     except Exception as error:
         field, code = getattr(error, "field", None), getattr(error, "code", None)
         answers.write(_json_line(asdict(_Failure(type(error).__name__, str(error), field, code))))

@@ -263,20 +263,13 @@ def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
 
 def _read_probe_file(path: Path, zone: tzinfo) -> _ProbeFile:
     text = read_exr_attributes(path).get(TIME_ATTRIBUTE)
-    if isinstance(text, str):
-        return _ProbeFile(_parse_time_attribute(text, path, zone), path)
+    is_told = isinstance(text, str)
     try:
-        folder_time = datetime.strptime("".join(path.parts[-3:-1]), "%Y%m%d%H%M%S")
+        name = "".join(path.parts[-3:-1])
+        time = datetime.fromisoformat(str(text)) if is_told else datetime.strptime(name, "%Y%m%d%H%M%S")
     except ValueError as error:
-        raise ProbeError(f"{path.parent} is not named by a time.") from error
-    return _ProbeFile(folder_time.replace(tzinfo=zone), path)
-
-
-def _parse_time_attribute(text: str, path: Path, zone: tzinfo) -> datetime:
-    """The time in a file's header."""
-    try:
-        time = datetime.fromisoformat(text)
-    except ValueError as error:
+        if not is_told:
+            raise ProbeError(f"{path.parent} is not named by a time.") from error
         sentence = f"{path}: {TIME_ATTRIBUTE} is {reprlib.repr(text)}, which is no time."
         raise ProbeError(sentence, code=ErrorCode.MALFORMED) from error
-    return time if time.tzinfo else time.replace(tzinfo=zone)
+    return _ProbeFile(time if time.tzinfo else time.replace(tzinfo=zone), path)

@@ -31,7 +31,6 @@ from lighting.probe.fisheye import (
 )
 from lighting.probe.merging import (
     SMOOTHING_REACH,
-    ExposureRatios,
     MergedHdr,
     dequantize,
     measure_ratios,
@@ -167,7 +166,6 @@ class _MergedBracket:
 
     merged: MergedHdr
     lens: Lens
-    ratios: ExposureRatios
     spot: SunBlob | None  # in the camera's frame, by the lens as told
     warnings: tuple[str, ...]
 
@@ -190,8 +188,6 @@ class Probe:
     """The model, where it was asked for."""
     alignment: Alignment | None
     """None where the caller told the yaw."""
-    ratios: ExposureRatios
-    """Of the exposures."""
     warnings: tuple[str, ...]
     """Sentences for people."""
 
@@ -272,7 +268,7 @@ def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracke
     lens = make_lens(settings.kind, width, height, **circle, pitch=settings.pitch, mirrored=settings.mirrored)
     merged = dequantize(merged, bracket, relative, SMOOTHING_REACH * pixels_per_degree(lens))
     spot = find_sun_blob(*resample_to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), _SEARCH_HEIGHT))
-    return _MergedBracket(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
+    return _MergedBracket(merged, lens, spot, (*bracket.warnings, *lengths.warnings))
 
 
 def _finish_probe(
@@ -285,7 +281,7 @@ def _finish_probe(
     if spot is not None:
         azimuth, elevation = map(float, angles(rotation @ spot.direction))
         spot = replace(spot, azimuth=azimuth, elevation=elevation)
-    probe = Probe(image, clipped, moment, spot, False, None, alignment, hdr.ratios, hdr.warnings)
+    probe = Probe(image, clipped, moment, spot, False, None, alignment, hdr.warnings)
     if settings.fill and spot is not None and spot.clipped:
         filled, sun, fit = _fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)

@@ -169,14 +169,8 @@ class SkyState:
     """Deg above the horizon, -4.2 to 90."""
     sun_source: str
     """"found" in the map or "given"."""
-    turbidity: float
-    """Linke's turbidity, 1 to 10."""
-    exposure: float
-    """Map's values / sky radiance."""
-    residual: float
-    """Robust spread of log(map / model) over the clear sky."""
-    trusted: bool
-    """Whether the fit may be."""
+    fit: SkyFit
+    """Of the clear sky."""
     cover: float
     """Share of the sky above _MIN_ELEVATION that the model of the clear sky does not explain, 0 to 1."""
 
@@ -186,10 +180,10 @@ class SkyState:
             "sun_azimuth": round(self.sun_azimuth, 2),
             "sun_elevation": round(self.sun_elevation, 2),
             "sun_source": self.sun_source,
-            "turbidity": round(self.turbidity, 2),
-            "exposure": float(f"{self.exposure:.5g}"),
-            "residual": round(self.residual, 4),
-            "trusted": self.trusted,
+            "turbidity": round(self.fit.turbidity, 2),
+            "exposure": float(f"{self.fit.exposure:.5g}"),
+            "residual": round(self.fit.residual, 4),
+            "trusted": self.fit.ok,
             "cover": round(self.cover, 4),
         }
 
@@ -206,7 +200,13 @@ def describe_sky(image: NDArray[np.float32], sun: tuple[float, float] | None = N
             is visible.
     """
     _check_sky(image)
-    azimuth, elevation = sun or _find_sun_direction(image)
+    source = "given" if sun else "found"
+    if sun is None:
+        spot = find_sun_blob(image, np.zeros(image.shape[:2], dtype=bool)) or find_sun(image)
+        if spot is None:
+            raise ProbeError("No sun is found in the map; give its azimuth and elevation.")
+        sun = spot.azimuth, spot.elevation
+    azimuth, elevation = sun
     if elevation < 0:
         sentence = f"The sun is {-elevation:.0f} deg below the horizon: there is no daylight sky to fit."
         raise ProbeError(sentence, code=ErrorCode.NIGHT)
@@ -214,9 +214,7 @@ def describe_sky(image: NDArray[np.float32], sun: tuple[float, float] | None = N
     if fit is None:
         raise ProbeError("Too little clear sky is seen to fit a model to: the sky is overcast or hidden.")
     cover = _cloud_cover(image, direction(azimuth, elevation), fit)
-    source = "given" if sun else "found"
-    wrapped = float(wrap_azimuth(azimuth))
-    return SkyState(wrapped, elevation, source, fit.turbidity, fit.exposure, fit.residual, fit.ok, cover)
+    return SkyState(float(wrap_azimuth(azimuth)), elevation, source, fit, cover)
 
 
 def _check_sky(image: NDArray[np.float32]) -> None:
@@ -227,14 +225,6 @@ def _check_sky(image: NDArray[np.float32]) -> None:
     light = luminance(image[: len(image) // 2])
     if (light > 0).sum() <= (light < 0).sum():  # a few values under 0 are the ringing of a filter
         raise ProbeError("The sky in the map is black or negative.")
-
-
-def _find_sun_direction(image: NDArray[np.float32]) -> tuple[float, float]:
-    """Azimuth and elevation [deg] of the sun that a map (H, 2H, 3) shows; ProbeError where none is found."""
-    spot = find_sun_blob(image, np.zeros(image.shape[:2], dtype=bool)) or find_sun(image)
-    if spot is None:
-        raise ProbeError("No sun is found in the map; give its azimuth and elevation.")
-    return spot.azimuth, spot.elevation
 
 
 def _cloud_cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:

@@ -209,8 +209,8 @@ def test_kinds_by_brands() -> None:
         body = main + bytes(4) + b"".join(others)
         return _heif_kind((8 + len(body)).to_bytes(4) + b"ftyp" + body)
 
-    assert kind(b"heic", b"mif1", b"avif") == "HEIF"
-    assert kind(b"mif1", b"heix", b"miaf") == kind(b"heix") == kind(b"msf1", b"hevc") == "HEIF"
+    assert kind(b"heic", b"mif1", b"avif") == "HEIC"
+    assert kind(b"mif1", b"heix", b"miaf") == kind(b"heix") == kind(b"msf1", b"hevc") == "HEIC"
     assert kind(b"mif1", b"avif") == kind(b"avif") == kind(b"avis", b"msf1") == "AVIF"
     assert kind(b"isom", b"avif") is None
     assert _heif_kind(b"") is _heif_kind(HEIC[:7]) is None

@@ -20,9 +20,9 @@ def test_a_rendered_sky_is_described_as_it_was_made(turbidity: float) -> None:
     state = describe_sky(render(lighting, 256, sun=True))
     assert (state.sun_azimuth, state.sun_elevation) == pytest.approx((-60.0, 40.0), abs=0.3)
     assert state.sun_source == "found"
-    assert state.turbidity == pytest.approx(turbidity, abs=0.1)
-    assert state.exposure == pytest.approx(0.7, rel=0.02)
-    assert state.trusted
+    assert state.fit.turbidity == pytest.approx(turbidity, abs=0.1)
+    assert state.fit.exposure == pytest.approx(0.7, rel=0.02)
+    assert state.fit.ok
     assert state.cover < 0.01
 
 
@@ -34,7 +34,7 @@ def test_clouds_over_a_third_of_the_sky_are_its_cover() -> None:
     state = describe_sky(image, (0.0, 40.0))
     assert state.sun_source == "given"
     assert state.cover == pytest.approx(1 / 3, abs=0.05)
-    assert state.turbidity == pytest.approx(3.0, abs=0.3)
+    assert state.fit.turbidity == pytest.approx(3.0, abs=0.3)
 
 
 def test_skies_that_say_nothing_are_refused() -> None:
@@ -60,7 +60,7 @@ def test_maps_without_a_sky_are_refused() -> None:
 def test_a_few_values_under_zero_do_no_harm() -> None:
     image = render(Lighting(sun_azimuth=0.0, sun_elevation=40.0, turbidity=3.0, exposure=0.7), 128, sun=True)
     image[60, ::8] = -0.01
-    assert describe_sky(image).turbidity == pytest.approx(3.0, abs=0.1)
+    assert describe_sky(image).fit.turbidity == pytest.approx(3.0, abs=0.1)
 
 
 def test_the_fit_ignores_clouds_and_white_balance() -> None:
