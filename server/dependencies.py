@@ -20,17 +20,14 @@ from starlette.datastructures import Headers
 from starlette.types import Scope
 
 from lighting.checksum import verify_checksums
-from lighting.envmap.latlong import Image
 from lighting.errors import CodedWarning, LightingError, MissingExtraError, WarningCode
 from lighting.estimator import Estimator
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model, packaged_model
-from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.reader import TARGET, Photo, PhotoCrop
+from lighting.photo.reader import TARGET, Photo
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.photo_estimate import Estimate
-from lighting.prediction import EstimatedLight
-from lighting.records import Lighting, LightProbe
+from lighting.records import Lighting
 from lighting.registration import features, photo_set
 from lighting.tracing import trace_step
 from server import problems
@@ -123,17 +120,6 @@ class PhotoMatcher:
         warning = CodedWarning(f"{self.failure} {ROTATION_INFERRED}", WarningCode.TURN_INFERRED)
         warned = [replace(e.lighting, warnings=(*e.lighting.warnings, warning)) for e in estimates]
         return [replace(e, lighting=one, photo_lighting=one) for e, one in zip(estimates, warned, strict=True)]
-
-
-@dataclass(frozen=True, eq=False)
-class PhotoAnswer:
-    """An estimate, its probe, what part of the picture it is of, and what else the client asks for."""
-
-    estimate: EstimatedLight
-    probe: LightProbe  # of the light and the place
-    gain: Image | None = None  # (R, 2R, 3), a factor on the sky's map, if the client asks for that
-    crop: PhotoCrop | None = None  # the photo's part of a picture with a border
-    metadata: PhotoMetadata | None = None  # of the file, if the client asks for it
 
 
 class Service:

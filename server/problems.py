@@ -258,9 +258,7 @@ FORM_PARAMETERS = "form_parameters"  # where a scope holds the names and values 
 
 
 @dataclass(frozen=True)
-class FieldError:
-    """What is wrong with one field, and for a number its range."""
-
+class FieldError:  # without a docstring, which newer versions of pydantic put into the OpenAPI document
     field: str
     place: Annotated[FieldPlace, Field(description="where the field is: in the URL, the form or the body")]
     detail: str

@@ -10,16 +10,19 @@ from fastapi import Request, Response
 from starlette.staticfiles import NotModifiedResponse
 
 from lighting.envmap.latlong import Image
+from lighting.envmap.surroundings import surroundings_gain
 from lighting.errors import warning_code
 from lighting.fields import COLOR_RANGES, Json, round_all
 from lighting.geometry import angles
 from lighting.photo.metadata import PhotoMetadata
+from lighting.photo_estimate import Estimate
 from lighting.prediction import SunDistribution
 from lighting.record_json import record_with_coefficients
 from lighting.records import Lighting
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
-from server.dependencies import PhotoAnswer, tag_bytes
+from lighting.tracing import trace_step
+from server.dependencies import tag_bytes
 from server.problems import route_path
 from server.query_params import LightingQuery
 from server.schemas import LightingEstimate
@@ -38,27 +41,28 @@ def link_from(request: Request, target: str) -> str:
     return posixpath.relpath(target, posixpath.dirname(route_path(request.scope)))
 
 
-def estimate_to_json(request: Request, answer: PhotoAnswer, query: LightingQuery) -> Json:
+def estimate_to_json(request: Request, estimate: Estimate, query: LightingQuery) -> Json:
     """The JSON of an estimate.
 
     Args:
         request: which asks for it.
-        answer: of a photo.
-        query: whether to include the sun's probability.
+        estimate: of a photo.
+        query: what else to include.
     """
-    lighting = answer.estimate.lighting
+    lighting, photo = estimate.lighting, estimate.photo
     links = {"envmap": link_from(request, _envmap_path(lighting))}
-    record = {**record_with_coefficients(lighting, answer.probe), "links": links}
+    record = {**record_with_coefficients(lighting, estimate.probe()), "links": links}
     if lighting.warnings:
         record["warning_codes"] = [warning_code(warning).value for warning in lighting.warnings]
     if query.probability:
-        record["probability"] = _sun_probability(answer.estimate.distribution)
-    if answer.crop is not None:
-        record["crop"] = asdict(answer.crop)
-    if answer.metadata is not None:
-        record["photo_metadata"] = _photo_metadata(answer.metadata)
-    if answer.gain is not None:
-        record["surroundings"] = _surroundings(answer.gain)
+        record["probability"] = _sun_probability(estimate.distribution)
+    if photo.crop is not None:
+        record["crop"] = asdict(photo.crop)
+    if query.photo_metadata:
+        record["photo_metadata"] = _photo_metadata(photo.metadata)
+    if query.surroundings and (context := estimate.context()):
+        with trace_step("map"):
+            record["surroundings"] = _surroundings(surroundings_gain(lighting, context))
     return record
 
 

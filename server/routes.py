@@ -119,8 +119,7 @@ async def _estimate_lighting(
 
     Edit the answer and send it to `POST /v1/envmap` for its map. Several photos go to `POST /v1/lightings`.
     """
-    answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
-    return JSONResponse(responses.estimate_to_json(admission.request, answer, query))
+    return JSONResponse(await admission.run(tasks.answer_photo, admission.service, photo, query, admission.request))
 
 
 @router.post(
@@ -136,8 +135,7 @@ async def _estimate_lightings(
 ) -> JSONResponse:
     """A burst, a panorama sweep or a drive: several files `photo` in one form are taken together."""
     queries.check_photo_headings(len(photos), query)
-    answers = await admission.run(tasks.estimate_photos, admission.service, photos, query)
-    records = [responses.estimate_to_json(admission.request, answer, query) for answer in answers]
+    records = await admission.run(tasks.answer_photos, admission.service, photos, query, admission.request)
     return JSONResponse({"lightings": records})
 
 

@@ -6,12 +6,13 @@ from time import monotonic
 
 import numpy as np
 from anyio.from_thread import check_cancelled
+from fastapi import Request
 from numpy.typing import NDArray
 
 from lighting.envmap.relighting import light_of_map
 from lighting.envmap.shadow_mask import ground_shadow_mask
-from lighting.envmap.surroundings import surroundings_gain
 from lighting.errors import PhotoError
+from lighting.fields import Json
 from lighting.files import encode_jpeg
 from lighting.files.deflate import encode_png
 from lighting.ground import draw_ground_mask, find_lit_spot
@@ -24,9 +25,10 @@ from lighting.scene.writer import zip_scene
 from lighting.sun_study import SunStudy, plan_study
 from lighting.tracing import trace_step
 from server import query_params as queries
-from server.dependencies import PhotoAnswer, PhotoMatcher, Service
+from server.dependencies import PhotoMatcher, Service
 from server.query_params import MapQuery, SceneQuery
 from server.request_body import Upload
+from server.responses import estimate_to_json
 
 Pixels = NDArray[np.uint8]
 FileWithWarnings = tuple[bytes, tuple[str, ...]]  # a file, and sentences about it
@@ -38,48 +40,52 @@ _UPRIGHT_SIDE = 2048  # pixels, the longer side of a photo for the page
 _UPRIGHT_QUALITY = 88  # of its JPEG, 1 to 100
 
 
-def answer_photo(service: Service, data: bytes, query: queries.LightingQuery) -> PhotoAnswer:
-    """Estimate the light of one photo.
+def answer_photo(service: Service, data: bytes, query: queries.LightingQuery, request: Request) -> Json:
+    """Estimate the light of one photo and make the answer's JSON.
 
     Args:
         service: reads the photo and estimates.
         data: the bytes of a photo.
-        query: with `surroundings`, the answer has its gain if the network predicts surroundings.
+        query: what the client states, and what the answer includes.
+        request: which asks for it.
     """
-    return _answer_photo(_estimate_photo(service, data, query), query)
+    return estimate_to_json(request, _estimate_photo(service, data, query), query)
 
 
-def estimate_photos(service: Service, files: Sequence[Upload], query: queries.LightingsQuery) -> list[PhotoAnswer]:
-    """Estimate the light of photos of one place.
+def answer_photos(
+    service: Service, files: Sequence[Upload], query: queries.LightingsQuery, request: Request
+) -> list[Json]:
+    """Estimate the light of photos of one place, and make the JSON of each.
 
     Args:
         service: reads the photos and estimates.
         files: one or more photos.
-        query: with `surroundings`, each answer has its gain if the network predicts surroundings.
+        query: what the client states, and what the answers include.
+        request: which asks for them.
+
+    Raises:
+        PhotoError: a photo cannot be read; of several it names the one.
+    """
+    answers = []
+    for estimate in estimate_photos(service, files, query):
+        check_cancelled()
+        answers.append(estimate_to_json(request, estimate, query))
+    return answers
+
+
+def estimate_photos(service: Service, files: Sequence[Upload], query: queries.LightingsQuery) -> list[Estimate]:
+    """Estimate the light of photos, of each by all of them where they are of one place.
+
+    Args:
+        service: reads the photos and estimates.
+        files: one or more photos.
+        query: what the client states.
 
     Raises:
         PhotoError: a photo cannot be read; of several it names the one.
     """
     matcher = PhotoMatcher(service.settings.match_seconds) if query.needs_matching(len(files)) else None
     photos = _read_photos(service, files, matcher.target if matcher else TARGET)
-    estimates = _estimate_each(service, photos, query, matcher)
-    return [_answer_photo(estimate, query) for estimate in estimates]
-
-
-def _answer_photo(estimate: Estimate, query: queries.LightingQuery) -> PhotoAnswer:
-    """An estimate with what else the client asks for."""
-    check_cancelled()
-    metadata = estimate.photo.metadata if query.photo_metadata else None
-    with trace_step("map"):
-        context = estimate.context() if query.surroundings else None
-        gain = surroundings_gain(estimate.lighting, context) if context else None
-    return PhotoAnswer(estimate, estimate.probe(), gain, estimate.photo.crop, metadata)
-
-
-def _estimate_each(
-    service: Service, photos: Sequence[Photo], query: queries.LightingsQuery, matcher: PhotoMatcher | None
-) -> list[Estimate]:
-    """The light of each photo, by all of them where they are of one place."""
     if query.together:
         return service.estimate(photos, query.user_input(), query.heading_values(), matcher)
     estimates = []

@@ -15,15 +15,14 @@ from export.evaluation.metrics_file import collect_metrics, read_metrics, write_
 from export.evaluation.report import CAMERA_AND_SKY, SUN_COLUMNS, Figures
 from lighting.estimator import Estimator
 from lighting.geometry import angles
-from lighting.light_probe import compute_light_probe
 from lighting.model import METRICS, Model, packaged_model
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
-from lighting.photo.reader import PhotoCrop
-from lighting.prediction import EstimatedLight, SunDistribution
+from lighting.photo.reader import Photo, PhotoCrop
+from lighting.photo_estimate import Estimate
+from lighting.prediction import SunDistribution
 from lighting.records import Lighting
 from lighting.sun_grid import grid_directions
 from server.app import create_app
-from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
 from server.responses import estimate_to_json, is_fresh
 from server.schemas import LightingEstimate, ModelCard
@@ -33,7 +32,8 @@ GRID = "fibonacci:64"
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)
 ANSWERS_SUN = SunDistribution(GRID, np.full(64, 1 / 64, dtype=np.float32))
 REQUEST = Request({"type": "http", "path": "/v1/lighting"})
-ESTIMATE = PhotoAnswer(EstimatedLight(LIGHT, ANSWERS_SUN), compute_light_probe(LIGHT))
+PHOTO = Photo(np.full((48, 64, 3), 128, dtype=np.uint8), 64, 48, "JPEG")
+ESTIMATE = Estimate(LIGHT, ANSWERS_SUN, photo=PHOTO, photo_lighting=LIGHT)
 
 
 def request(if_none_match: str) -> Request:
@@ -42,7 +42,7 @@ def request(if_none_match: str) -> Request:
 
 def linked(light: Lighting, path: str = "/v1/lighting") -> SplitResult:
     """The link to a light's map in the answer to a request."""
-    answer = PhotoAnswer(EstimatedLight(light, ANSWERS_SUN), compute_light_probe(light))
+    answer = replace(ESTIMATE, lighting=light)
     asked = Request({"type": "http", "path": path})
     return urlsplit(str(estimate_to_json(asked, answer, LightingQuery())["links"]["envmap"]))
 
@@ -107,28 +107,22 @@ def test_what_the_file_says_comes_without_what_it_does_not_say() -> None:
     moment = datetime(2024, 8, 10, 14, 28, 12)
     metadata = PhotoMetadata(moment, 2.0, heading=87.0, heading_reference=HeadingReference.TRUE, orientation=6)
     metadata = replace(metadata, gps_time=datetime(2024, 8, 10, 14, 28, 10, tzinfo=timezone(timedelta(hours=2))))
-    answer = estimate_to_json(REQUEST, replace(ESTIMATE, metadata=metadata), LightingQuery.model_validate({}))
+    query = LightingQuery.model_validate({"photo_metadata": "true"})
+    answer = estimate_to_json(REQUEST, replace(ESTIMATE, photo=replace(PHOTO, metadata=metadata)), query)
     assert answer["photo_metadata"] == {
         **{"time": "2024-08-10T14:28:12", "utc_offset": 2.0, "gps_time": "2024-08-10T12:28:10+00:00"},
         **{"heading": 87.0, "heading_reference": "true", "orientation": 6},
     }
-    located = replace(ESTIMATE, metadata=PhotoMetadata(latitude=48.1, longitude=-11.5))
-    answer = estimate_to_json(REQUEST, located, LightingQuery.model_validate({}))
+    located = replace(PHOTO, metadata=PhotoMetadata(latitude=48.1, longitude=-11.5))
+    answer = estimate_to_json(REQUEST, replace(ESTIMATE, photo=located), query)
     assert answer["photo_metadata"] == {"latitude": 48.1, "longitude": -11.5}
     assert "photo_metadata" not in estimate_to_json(REQUEST, ESTIMATE, LightingQuery.model_validate({}))
 
 
-def test_what_the_place_makes_of_the_map_comes_cell_by_cell() -> None:
-    factors = np.random.default_rng(0).uniform(0.05, 4, (2, 4, 3)).astype(np.float32)
-    told = estimate_to_json(REQUEST, replace(ESTIMATE, gain=factors), LightingQuery.model_validate({}))["surroundings"]
-    assert (told["rows"], told["columns"]) == (2, 4)
-    assert told["factors"] == pytest.approx(factors.reshape(8, 3), rel=5e-3)
-    assert "surroundings" not in estimate_to_json(REQUEST, ESTIMATE, LightingQuery.model_validate({}))
-
-
 def test_what_lies_inside_a_border_is_told() -> None:
     query = LightingQuery.model_validate({})
-    told = estimate_to_json(REQUEST, replace(ESTIMATE, crop=PhotoCrop(0, 131, 1920, 818, 1920, 1080)), query)
+    bordered = replace(PHOTO, crop=PhotoCrop(0, 131, 1920, 818, 1920, 1080))
+    told = estimate_to_json(REQUEST, replace(ESTIMATE, photo=bordered), query)
     sizes = {"width": 1920, "height": 818, "picture_width": 1920, "picture_height": 1080}
     assert told["crop"] == {"left": 0, "top": 131, **sizes}
     assert LightingEstimate.model_validate(told).crop == LightingEstimate.CropRecord(left=0, top=131, **sizes)

@@ -11,8 +11,10 @@ from typing import Any, TypeVar
 import anyio
 import numpy as np
 import pytest
+from fastapi import Request
 from PIL import Image, ImageOps
 
+from lighting.envmap.surroundings import surroundings_gain
 from lighting.errors import PhotoError
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
@@ -21,12 +23,14 @@ from server import tasks
 from server.dependencies import Service
 from server.query_params import EnvmapQuery, LightingsQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
 from server.request_body import Upload
+from server.responses import estimate_to_json
 from server.settings import Settings
 from tests.conftest import encode, scene
 from tests.server.conftest import SKY
 
 T = TypeVar("T")
 PHOTO = encode(scene(64, 48))
+REQUEST = Request({"type": "http", "path": "/v1/lightings"})
 EXAMPLE = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
 
 
@@ -45,9 +49,9 @@ def in_a_thread(work: Callable[..., T], *arguments: Any) -> T:
 def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: Service) -> None:
     query = LightingsQuery.model_validate({"headings": "0,45"})
     first, second = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query)
-    assert "other photos" in first.estimate.evidence
-    assert first.gain is None
-    turn = (first.estimate.lighting.sun_azimuth - second.estimate.lighting.sun_azimuth) % 360.0
+    assert "other photos" in first.evidence
+    assert "surroundings" not in estimate_to_json(REQUEST, first, query)
+    turn = (first.lighting.sun_azimuth - second.lighting.sun_azimuth) % 360.0
     assert min(turn, 360.0 - turn) > 0.0
     with pytest.raises(PhotoError, match=r"^Photo 2 of 2: "):
         in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(b"no photo")], query)
@@ -58,16 +62,20 @@ def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service
     image, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_map, service, PHOTO, query)))
     (answer,) = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO)], LightingsQuery.model_validate({}))
     assert image.shape == (32, 64, 3)
-    assert lighting == answer.estimate.lighting
+    assert lighting == answer.lighting
 
 
 def test_an_answer_says_what_the_place_makes_of_its_map_where_that_is_asked_for(lit_network: Path) -> None:
     query = LightingsQuery.model_validate({"surroundings": "true"})
     service = Service(Settings(), Estimator(Model.load(lit_network)))
-    for answer in in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query):
-        assert answer.gain is not None
-        assert answer.gain.shape == (24, 48, 3)
-        assert 0 < answer.gain.min() < 1 < answer.gain.max()
+    for estimate in in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query):
+        told = estimate_to_json(REQUEST, estimate, query)["surroundings"]
+        assert (told["rows"], told["columns"]) == (24, 48)
+        context = estimate.context()
+        assert context is not None
+        gain = surroundings_gain(estimate.lighting, context)
+        assert told["factors"] == pytest.approx(gain.reshape(-1, 3), rel=5e-3)
+        assert 0 < gain.min() < 1 < gain.max()
 
 
 def test_a_scene_of_a_photo_has_the_light_that_the_client_changed(service: Service) -> None:
@@ -92,8 +100,8 @@ def test_an_answer_says_where_the_photo_lies_inside_a_border(service: Service, s
     data, bar, height = letterboxed(1000)
     query = LightingsQuery.model_validate({"surroundings": surroundings, "match": False})
     bordered, plain = in_a_thread(tasks.estimate_photos, service, [Upload(data), Upload(PHOTO)], query)
-    assert plain.crop is None
-    assert (crop := bordered.crop) is not None
+    assert plain.photo.crop is None
+    assert (crop := bordered.photo.crop) is not None
     assert (crop.left, crop.width, crop.picture_width, crop.picture_height) == (0, 1000, 1000, height + 2 * bar)
     assert (crop.top, crop.height) == pytest.approx((bar, height), abs=8)
 
