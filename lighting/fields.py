@@ -13,7 +13,7 @@ from dataclasses import asdict, fields, is_dataclass
 from datetime import UTC, datetime
 from enum import Enum
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard, cast
 
 from lighting.errors import ErrorCode, ParameterError
 
@@ -247,14 +247,12 @@ class _RecordDoc:
 
     def __init__(self, summary: str) -> None:
         self._summary = summary
-        self._text: str | None = None
 
     def __get__(self, _instance: object, owner: type) -> str:
-        if self._text is None:
-            from inspect import cleandoc
+        from inspect import cleandoc
 
-            self._text = _list_fields(owner, cleandoc(self._summary))
-        return self._text
+        lines = [f"    {name}: {text}" for name, text in field_docstrings(owner).items()]
+        return "\n".join([cleandoc(self._summary), *(["", "Fields:", *lines] if lines else [])])
 
 
 def describe_fields(*records: type) -> None:
@@ -276,12 +274,8 @@ def field_docstrings(record: type) -> dict[str, str]:
     found: dict[str, str] = {}
     for owner in reversed(record.__mro__):
         found |= _own_docstrings(owner)
-    names = record.__members__ if issubclass(record, Enum) else [field.name for field in fields(_as_dataclass(record))]
+    names = record.__members__ if issubclass(record, Enum) else [field.name for field in fields(cast(Any, record))]
     return {name: found[name] for name in names if name in found}
-
-
-def _as_dataclass(record: type) -> Any:
-    return record
 
 
 def _own_docstrings(owner: type) -> dict[str, str]:
@@ -302,11 +296,6 @@ def _own_docstrings(owner: type) -> dict[str, str]:
             case ((ast.AnnAssign(ast.Name(name)) | ast.Assign([ast.Name(name)])), ast.Expr(ast.Constant(str(text)))):
                 found[name] = inspect.cleandoc(text)
     return found
-
-
-def _list_fields(record: type, summary: str) -> str:
-    lines = [f"    {name}: {text}" for name, text in field_docstrings(record).items()]
-    return "\n".join([summary, "", "Fields:", *lines]) if lines else summary
 
 
 # JSON in and out.

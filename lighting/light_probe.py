@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
+from lighting.envmap.relighting import rotate_lighting, scale_exposure
 from lighting.envmap.render import level_irradiance, render, sun_light
 from lighting.envmap.surroundings import COARSE_ROWS, PhotoContext, render_coarse
 from lighting.errors import ErrorCode, ParameterError
@@ -131,8 +132,6 @@ def compute_light_probe(
     gain = min(_MAX_LEVEL / level, 1.0) if level > 0 else 1.0  # maps end at what half floats hold; probes do not
     dimmed = lighting
     if gain < 1.0:
-        from lighting.envmap.relighting import scale_exposure
-
         dimmed = scale_exposure(lighting, np.full(3, gain))
     if context is None:
         image = render(dimmed, COARSE_ROWS, sun=sun, disc=False)
@@ -140,8 +139,6 @@ def compute_light_probe(
         image = render_coarse(dimmed, context, sun=sun)
     coefficients = project_latlong(image) / gain
     if yaw:
-        from lighting.envmap.relighting import rotate_lighting
-
         lighting, coefficients = rotate_lighting(lighting, yaw), rotate_harmonics(coefficients, yaw)
     return LightProbe(coefficients, main_light(lighting, sun=sun))
 

@@ -20,11 +20,11 @@ from lighting.envmap.relighting import adjust_lighting, edit_lighting, edit_phot
 from lighting.errors import warn_of_old_name
 from lighting.fields import RANGES, check_range, describe_fields
 from lighting.files import DEFAULT_FILE, FileOptions, encode_envmap, join_strips, write_envmap
-from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
+from lighting.formatting import format_tilt
 from lighting.map_options import DEFAULT_MAP, MAX_WHOLE_HEIGHT, Adjustments, Around, MapKeywords, MapOptions
 from lighting.photo.reader import Photo
 from lighting.prediction import EstimatedLight
-from lighting.records import Color, Lighting, LightProbe, check_lighting
+from lighting.records import Color, Lighting, LightProbe, check_lighting, describe_sun
 from lighting.runtime import ONE_BLAS_THREAD, return_memory
 from lighting.tracing import trace_step
 
@@ -411,13 +411,11 @@ class Estimate(EstimatedLight):
         """One line: where the sun is, how sure that is, and how the camera stands."""
         light = self.lighting
         name = self.photo.source.name if self.photo.source else None
-        radii = f" (50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°)" if light.radius_90 else ""
         trust = f", {light.trust}" if light.radius_90 else ""
         suitable = "" if light.suitable is None else f", suitable {light.suitable:.2f}"
         return (
             f"<Estimate of {name or f'{self.photo.width} x {self.photo.height} pixels'}: "
-            f"sun {format_azimuth(light.sun_azimuth, 1)}, {format_sun_elevation(light.sun_elevation, 1)}{radii}"
-            f"{trust}, "
+            f"{describe_sun(light)}{trust}, "
             f"direct sunlight {100 * light.sun_visibility:.0f} %, turbidity {light.turbidity:.1f}; "
             f"camera looks {format_tilt(light.camera_elevation, 1)}, field of view {light.vertical_fov:.1f}°{suitable}>"
         )

@@ -321,6 +321,17 @@ def describe_trust(lighting: Lighting) -> str:
     return f"{lighting.trust}: {', '.join(first)}{' or ' if first else ''}{last}"
 
 
+def describe_sun(lighting: Lighting) -> str:
+    """Say where the sun is, and how sure that is; a record that was written by hand may have no radii.
+
+    Args:
+        lighting: any.
+    """
+    radii = f" (50 % within {lighting.radius_50:.1f}°, 90 % within {lighting.radius_90:.1f}°)"
+    sun = f"sun {format_azimuth(lighting.sun_azimuth, 1)}, {format_sun_elevation(lighting.sun_elevation, 1)}"
+    return sun + (radii if lighting.radius_90 else "")
+
+
 def describe_candidates(lighting: Lighting) -> str:
     """Say where else the sun of an unsure answer may be: "or 120° left, 25° high (31 %)"; "" of any other.
 

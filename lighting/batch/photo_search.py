@@ -16,7 +16,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE
-from lighting.errors import BatchError, LightingError
+from lighting.errors import SHORT_FORMS, BatchError, LightingError
 from lighting.fields import option_name
 from lighting.files import MAP_FORMATS, PREVIEW_ENDING
 from lighting.fusion.fspy import read_fspy
@@ -232,7 +232,6 @@ _FILE = "file"
 _NUMBERS = ("latitude", "longitude", "heading", "vertical_fov", "camera_height")
 _TEXTS = ("time", "utc_offset", "horizon", "reference")
 _LISTS = {"shadow": "shadows", "vertical": "verticals"}  # separated by ;
-_SHORT = {"lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
 _COLUMNS = (_FILE, *_TEXTS, *_NUMBERS, *_LISTS, "camera", "pick")
 
 
@@ -281,7 +280,7 @@ def read_photo_table(path: str) -> PhotoTable:
     except (ValueError, csv.Error) as error:
         raise BatchError(f"{path} is no table of text in UTF-8, with commas.") from error
     written = [cell.strip().lower().replace("-", "_") for cell in (lines[0] if lines else [])]
-    header = [_SHORT.get(name, name) for name in written]
+    header = [SHORT_FORMS.get(name, name) for name in written]
     if unknown := next((name for name in header if name not in _COLUMNS), None):
         raise BatchError(f"{path} has a column {unknown!r}; it may have {', '.join(_COLUMNS)}.")
     if header.count(_FILE) != 1 or len(set(header)) < len(header):

@@ -44,7 +44,6 @@ MAP_NAME_ERRORS = {  # why the system takes no map of a photo's name, where that
 
 FOREIGN_MAP = "A file in the results has the name of the photo's map, and is none."
 
-_AHEAD = 2  # items that a worker holds, so that it never waits for the next one
 _ATTEMPTS = 2  # workers that an item may kill before it is given up
 _READY = "ready"
 _STALE_SECONDS = 3600.0  # since a temporary file was last written to
@@ -164,7 +163,7 @@ def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOutput) -> str
 class _Worker:
     process: BaseProcess
     connection: Connection
-    items: deque[str] = field(default_factory=deque)  # the item in work and the next ones; empty until it is prepared
+    item: str | None = None  # in work; None until it is prepared
 
 
 @dataclass
@@ -199,7 +198,7 @@ def _map_in_processes(
 
 
 def _on_result(worker: _Worker, queue: _Queue[Result]) -> Iterator[tuple[str, Result | None]]:
-    """The worker's finished item with its result. The worker gets its next items, or is replaced if it died."""
+    """The worker's finished item with its result. The worker gets its next item, or is replaced if it died."""
     try:
         answer = worker.connection.recv()
     except (EOFError, OSError):
@@ -207,32 +206,28 @@ def _on_result(worker: _Worker, queue: _Queue[Result]) -> Iterator[tuple[str, Re
         return
     if isinstance(answer, Exception):
         raise answer
-    item = worker.items.popleft() if worker.items else None
+    item = worker.item
     _assign(worker, queue)
     if item is not None:
         yield item, answer
 
 
 def _assign(worker: _Worker, queue: _Queue[Result]) -> None:
-    """Send the worker its next items, or dismiss it if none are left. A dead worker is noticed by `_on_result`."""
-    while len(worker.items) < _AHEAD:
-        item = queue.retries.popleft() if queue.retries else next(queue.items, None)
-        if item is None:
-            break
-        worker.items.append(item)
-        with suppress(OSError):
-            worker.connection.send(item)
-    if not worker.items:
+    """Send the worker its next item, or dismiss it if none is left. A dead worker is noticed by `_on_result`."""
+    worker.item = queue.retries.popleft() if queue.retries else next(queue.items, None)
+    if worker.item is None:
         queue.workers.remove(worker)
         _dismiss([worker])
+        return
+    with suppress(OSError):
+        worker.connection.send(worker.item)
 
 
 def _on_worker_death(worker: _Worker, queue: _Queue[Result]) -> Iterator[tuple[str, None]]:
-    """Replace a worker that died; the items that it had not begun are retried."""
+    """Replace a worker that died; the item that it worked on is retried."""
     queue.workers.remove(worker)
     _dismiss([worker])
-    item = worker.items.popleft() if worker.items else None
-    queue.retries += worker.items
+    item = worker.item
     queue.deaths[item] += 1
     blamed = queue.deaths[item] >= _ATTEMPTS
     if item is None and blamed:

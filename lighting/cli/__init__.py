@@ -37,7 +37,6 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
     "doctor": "info",
 }
 
-_NO_ARGUMENTS: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())  # from click 8.2 on
 OLD_OPTIONS = {f"--{no}{old}": f"--{no}{new}" for old, new in OLD_NAMES.items() for no in ("", "no-")}
 _SECTIONS = {  # of a long help, in this order, as are the options in each; others come first, as "Options"
     "Output": (
@@ -143,7 +142,7 @@ class Command(_Helped):
             ctx: of click.
         """
         params = self.get_params(ctx)
-        options = {p.opts[0]: record for p in params if (record := _option_help(p, ctx))}
+        options = {p.opts[0]: help for p in params if isinstance(p, click.Option) and (help := p.get_help_record(ctx))}
         if len(options) < _LONG:
             return {"Options": list(options.values())}
         from lighting.map_options import MapOptions
@@ -166,21 +165,23 @@ class Command(_Helped):
 
     def _with_new_names(self, args: Sequence[str]) -> list[str]:
         """The arguments with the new names of options that were renamed."""
-        read = [] if "--" not in args else list(args[args.index("--") :])
-        options = [self._with_new_name(word) for word in args[: len(args) - len(read)]]
+        typed = _before_names(args)
+        split = (word.partition("=") for word in typed)
+        options = [self.renamed.get(name, name) + equals + value for name, equals, value in split]
         if options[-1:] == ["--sun"]:  # which once stood alone: its check says what it is now
             options.append("")
-        return options + read
+        return [*options, *args[len(typed) :]]
 
-    def _with_new_name(self, word: str) -> str:
-        name, equals, value = word.partition("=")
-        return self.renamed.get(name, name) + equals + value
+
+def _before_names(args: Sequence[str]) -> Sequence[str]:
+    """The arguments before "--", behind which all are names."""
+    return args[: args.index("--")] if "--" in args else args
 
 
 def _check_dashes(ctx: click.Context, args: Sequence[str], params: Sequence[click.Parameter]) -> None:
     """Raise UsageError for a long option with one dash, of which click reads the letters one by one."""
     names = {name for param in params for name in param.opts}
-    for word in args[: args.index("--")] if "--" in args else args:
+    for word in _before_names(args):
         option = "-" + word.partition("=")[0]
         if len(option) > len("--x") and option in names and word not in names:
             raise click.UsageError(f"There is no option {option[1:]}. Did you mean {option}?", ctx)
@@ -192,10 +193,6 @@ def _explain_option(error: click.NoSuchOption, params: Sequence[click.Parameter]
 
     sentence = describe_unknown_option(error.option_name, {name for param in params for name in param.opts})
     return click.UsageError(sentence, error.ctx) if sentence else error
-
-
-def _option_help(param: click.Parameter, ctx: click.Context) -> tuple[str, str] | None:
-    return param.get_help_record(ctx) if isinstance(param, click.Option) else None
 
 
 class Group(_Helped, click.Group):
@@ -262,7 +259,7 @@ class _Program(Group):
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
-        except _NO_ARGUMENTS:  # a group's name alone, whose message is the group's help
+        except click.exceptions.NoArgsIsHelpError:  # a group's name alone, whose message is the group's help
             raise
         except click.UsageError as error:
             error.message = escape_control_chars(error.message)  # type: ignore[misc]  # declared final, for users of click

@@ -7,11 +7,11 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from datetime import timedelta, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Self, TextIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
@@ -33,23 +33,10 @@ def photo_progress(items: Sequence[str], quiet: bool) -> Any:
         quiet: show no bar.
     """
     if quiet or len(items) < 2 or not sys.stderr.isatty() or sys.stdout.isatty():
-        return _HiddenBar(items)
+        return nullcontext(items)
     from tqdm import tqdm  # 20 ms, which a command for one photo is spared
 
     return tqdm(items, unit="photo")
-
-
-class _HiddenBar(list[str]):
-    """Items without a bar, as far as a bar of tqdm is used here."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def external_write_mode(self, file: TextIO) -> AbstractContextManager[None]:  # noqa: ARG002
-        return nullcontext()
 
 
 def print_estimate(
@@ -86,7 +73,7 @@ def print_estimate(
 
 def format_record(
     name: str,
-    lighting: "Lighting",
+    answer: "Lighting | Exception",
     outputs: Mapping[str, str] = {},
     *,
     probe: "LightProbe | None" = None,
@@ -96,7 +83,7 @@ def format_record(
 
     Args:
         name: of the photo.
-        lighting: its light.
+        answer: its light, or why it has none.
         outputs: the files that were written, by their names in JSON.
         probe: of the light; None: without.
         crop: the photo's part of the picture; None where it has no border.
@@ -104,19 +91,8 @@ def format_record(
     from lighting.record_json import json_line
 
     files = {key: escape_undecodable(file) for key, file in outputs.items()}
-    return json_line(escape_undecodable(name), lighting, probe, files, crop=asdict(crop) if crop else None)
-
-
-def format_json_error(name: str, error: Exception) -> str:
-    """Return why a file has no answer as a line of JSON.
-
-    Args:
-        name: of the file.
-        error: the reason.
-    """
-    from lighting.record_json import json_line
-
-    return json_line(escape_undecodable(name), escape_undecodable(describe_error(error)))
+    light = escape_undecodable(describe_error(answer)) if isinstance(answer, Exception) else answer
+    return json_line(escape_undecodable(name), light, probe, files, crop=asdict(crop) if crop else None)
 
 
 def report_failure(name: str, error: Exception, progress: Any) -> None:
@@ -125,10 +101,10 @@ def report_failure(name: str, error: Exception, progress: Any) -> None:
     Args:
         name: of the photo.
         error: the reason.
-        progress: the bar of `photo_progress`, which makes way.
+        progress: what `photo_progress` gave; a bar makes way.
     """
     sentence, subject = escape_control_chars(describe_error(error)), escape_path(name)
-    with progress.external_write_mode(file=sys.stderr):
+    with progress.external_write_mode(file=sys.stderr) if hasattr(progress, "external_write_mode") else nullcontext():
         click.echo(
             f"Error: {sentence}" if sentence.startswith(f"{subject}: ") else f"Error: {subject}: {sentence}", err=True
         )
@@ -141,27 +117,20 @@ def _format_summary(name: str, lighting: "Lighting") -> str:
         name: of the photo.
         lighting: its light.
     """
-    from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
-    from lighting.records import describe_candidates, describe_trust
+    from lighting.formatting import format_tilt
+    from lighting.records import describe_candidates, describe_sun, describe_trust
 
     candidates, by_hand = describe_candidates(lighting), lighting.radius_90 == 0.0
     trust = "" if by_hand else f"; {describe_trust(lighting)}; "
-    sun = f"sun {format_azimuth(lighting.sun_azimuth, 1)}, {format_sun_elevation(lighting.sun_elevation, 1)}"
+    evidence = f"; from {', '.join(lighting.evidence)}" if len(lighting.evidence) > 1 else ""
     tilt, roll = format_tilt(lighting.camera_elevation, 1), round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
-        f"{escape_path(name)}: {sun}{_format_radii(lighting)}{candidates and ', '}{candidates}{trust or ', '}"
+        f"{escape_path(name)}: {describe_sun(lighting)}{candidates and ', '}{candidates}{trust or ', '}"
         f"direct sunlight {100 * lighting.sun_visibility:.0f} %, turbidity {lighting.turbidity:.1f}; "
         f"camera looks {tilt}, roll {roll:.1f}°, "
         f"vertical field of view {lighting.vertical_fov:.1f}°{_format_headings(lighting)}"
-        f"{_format_time(lighting)}{_format_evidence(lighting)}"
+        f"{_format_time(lighting)}{evidence}"
     )
-
-
-def _format_radii(lighting: "Lighting") -> str:
-    """The radii around the sun; a record that was written by hand may have none."""
-    if lighting.radius_90 == 0.0:
-        return ""
-    return f" (50 % within {lighting.radius_50:.1f}°, 90 % within {lighting.radius_90:.1f}°)"
 
 
 def _format_headings(lighting: "Lighting") -> str:
@@ -185,10 +154,6 @@ def _format_time(lighting: "Lighting") -> str:
     local = lighting.utc_time.astimezone(timezone(offset))
     source = f" ({lighting.time_source})" if lighting.time_source else ""
     return f"; taken {local:%Y-%m-%d %H:%M} {format_utc_offset(lighting.utc_offset or 0.0)}{source}"
-
-
-def _format_evidence(lighting: "Lighting") -> str:
-    return f"; from {', '.join(lighting.evidence)}" if len(lighting.evidence) > 1 else ""
 
 
 def report_warnings(name: str, warnings: Sequence[str], quiet: bool = False) -> None:

@@ -46,7 +46,6 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, file: FileOptions, prev
 
     def work(number: int, name: str, estimate: "Estimate") -> list[str]:
         output = names[number]
-        _make_parent(output)
         return_memory()  # the network's
         _write_map(output, estimate.render(chosen.view), files[number])
         written = {"output": output}
@@ -92,7 +91,6 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions, candidates: bool) -> N
 
     def work(number: int, name: str, estimate: "Estimate") -> list[str]:
         output = names[number]
-        _make_parent(output)
         _write_preview(output, estimate, chosen.view, candidates=candidates)
         warnings = (*estimate.warnings, *spot_warnings(estimate.lighting))
         chosen.print_estimate(name, estimate, warnings, {"output": output})
@@ -265,6 +263,7 @@ def _write_map(output: str, rendered: "RenderedMap", file: FileOptions) -> None:
     if output == "-":
         outputs.write_bytes(output, rendered.encode(file))
     else:
+        _make_parent(output)
         rendered.write(output, file)
 
 
@@ -274,6 +273,7 @@ def _write_preview(output: str, estimate: "Estimate", view: MapOptions, *, candi
 
     from lighting.files.deflate import encode_png
 
+    _make_parent(output)
     picture = estimate.preview_candidates(view) if candidates else estimate.preview(view)
     outputs.write_bytes(output, encode_png(np.asarray(picture)))
 

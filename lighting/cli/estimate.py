@@ -145,7 +145,7 @@ def _estimate(
             if ctx.find_root().params["debug"]:
                 raise answer
             failed += 1
-            lines.append(console.format_json_error(name, answer))
+            lines.append(console.format_record(name, answer))
             if as_json:
                 click.echo(lines[-1])
             console.report_failure(name, answer, progress)

@@ -16,7 +16,6 @@ from lighting.fields import option_name
 from lighting.files import FileOptions, is_address
 from lighting.map_options import (
     MAX_HEIGHT,
-    MAX_WHOLE_HEIGHT,
     Adjustments,
     Around,
     MapOptions,
@@ -56,19 +55,14 @@ class Number(click.types.FloatParamType):
             self.fail(f"{value!r} is not a number such as {self.example}.", param, ctx)
 
 
-def _check_finite(_ctx: click.Context | None, _param: click.Parameter | None, value: float) -> float:
-    if not math.isfinite(value):
-        raise click.BadParameter(f"{value} is not a finite number.")
-    return value
-
-
 class FiniteRange(click.FloatRange):
     """A range that nan is not in, which no comparison keeps out."""
 
     def convert(self, value: str | float, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Read a number; BadParameter for what is none, or out of the range."""
         number = Number(f"{self.min:g}").convert(value, param, ctx)
-        _check_finite(ctx, param, number)
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a finite number.", param, ctx)
         return super().convert(number, param, ctx)
 
 
@@ -264,21 +258,6 @@ def _sentence(text: OptionText) -> str:
     return f"{phrase[0].upper()}{phrase[1:]}."
 
 
-def _checked_height(_ctx: click.Context, _param: click.Parameter, height: int) -> int:
-    with usage_errors():
-        check_height(height, MAX_WHOLE_HEIGHT)
-    return height
-
-
-height_option = click.option(
-    "--height",
-    default=MapOptions.height,
-    show_default=True,
-    callback=_checked_height,
-    help=_sentence(_MAP_TEXTS["height"]),
-)
-
-
 _SUN = click.option(
     "--no-sun",
     "sun",
@@ -379,9 +358,7 @@ def file_output(kind: OutputKind, *, several: bool = False) -> Decorator:
     """
     folder = ", or FOLDER/" if several else ""
     what = "EXR on stdout" if kind is MAPS else "stdout"
-    text = f'{kind.names}{folder}; "-" is {what}.  [default: {kind.ending} beside the input]'
-    option = click.option("-o", "--output", metavar="FILE", callback=check_file_name, help=text)
-    return lambda command: option(overwrite_option(command))
+    return record_output(f'{kind.names}{folder}; "-" is {what}.  [default: {kind.ending} beside the input]')
 
 
 def folder_output(default: str, text: str = "New or empty unless --overwrite.") -> Decorator:
@@ -391,10 +368,7 @@ def folder_output(default: str, text: str = "New or empty unless --overwrite.") 
         default: how the help names the default.
         text: what the help says.
     """
-    option = click.option(
-        "-o", "--output", metavar="FOLDER", callback=check_folder_name, help=f"{text}  [default: {default}]"
-    )
-    return lambda command: option(overwrite_option(command))
+    return _output(f"{text}  [default: {default}]", "FOLDER", check_folder_name)
 
 
 def record_output(text: str) -> Decorator:
@@ -403,7 +377,11 @@ def record_output(text: str) -> Decorator:
     Args:
         text: what the help says.
     """
-    option = click.option("-o", "--output", metavar="FILE", callback=check_file_name, help=text)
+    return _output(text, "FILE", check_file_name)
+
+
+def _output(text: str, metavar: str, check: Callable[..., str | None]) -> Decorator:
+    option = click.option("-o", "--output", metavar=metavar, callback=check, help=text)
     return lambda command: option(overwrite_option(command))
 
 

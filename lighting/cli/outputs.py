@@ -123,25 +123,23 @@ def choose_files(sources: Sequence[str], output: str | None, kind: OutputKind, *
         if name.lower().endswith(MAP_FILE_SUFFIXES):
             hint = f"try `lighting info {shlex.quote(name)}`"
             raise click.UsageError(f"{escape_path(name)} is a map, not a photo: {hint}.")
-    folder = output is not None and output != "-" and (len(sources) > 1 or _is_folder(output))
-    if folder:
-        assert output is not None
-        _check_folder(output, kind)
-        names = [str(Path(output, kind.within(source))) for source in sources]
-    elif output is None:
+    if output is None:
         names = [_default_file(source, kind) for source in sources]
+        checked = [name for name, source in zip(names, sources, strict=True) if Path(source).exists()]
+    elif output != "-" and (len(sources) > 1 or _is_folder(output)):
+        if output.lower().endswith(kind.suffixes) and not _is_folder(output):
+            raise click.UsageError(f"Several photos need a folder: -o FOLDER/, not {output}.")
+        check_parent(output)
+        names, checked = [str(Path(output, kind.within(source))) for source in sources], []
     elif len(sources) > 1:
         raise click.UsageError("Several photos need a folder: -o FOLDER/.")
+    elif output != "-" and not Path(output).suffix:
+        hint = f"-o {output}/ makes it, and -o {output}{kind.suffixes[0]} writes a file."
+        raise click.BadParameter(f"There is no folder {output}. {hint}", param_hint=_HINT)
     else:
-        names = [output]
-    if not folder and output not in (None, "-") and not Path(str(output)).suffix:
-        sentence = (
-            f"There is no folder {output}. -o {output}/ makes it, and -o {output}{kind.suffixes[0]} writes a file."
-        )
-        raise click.BadParameter(sentence, param_hint=_HINT)
-    for name, source in zip(names, sources, strict=True):
-        if not folder and (output is not None or Path(source).exists()):
-            check_file(name, kind.suffixes)
+        names = checked = [output]
+    for name in checked:
+        check_file(name, kind.suffixes)
     check_apart(sources, names)
     if len(sources) == 1 and sources[0] not in ("", "-") and Path(names[0]).is_file():
         check_there(sources[0])  # whose error says more than that of an output that is there
@@ -169,12 +167,6 @@ def _default_file(source: str, kind: OutputKind) -> str:
     if is_same_file(name, source):
         raise click.UsageError(f"{escape_path(source)} would be replaced by its own result; choose another name by -o.")
     return name
-
-
-def _check_folder(output: str, kind: OutputKind) -> None:
-    if output.lower().endswith(kind.suffixes) and not _is_folder(output):
-        raise click.UsageError(f"Several photos need a folder: -o FOLDER/, not {output}.")
-    check_parent(output)
 
 
 def check_parent(output: str) -> None:

@@ -61,6 +61,10 @@ def _fspy_camera(_ctx: click.Context, _param: click.Parameter, name: str | None)
         raise click.BadParameter(f"{name}: {error}") from error
 
 
+def _number(example: str, metavar: str, text: str, *names: str) -> Decorator:
+    return click.option(*names, type=Number(example), metavar=metavar, help=text)
+
+
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
     "metadata": click.option(
         "--no-metadata",
@@ -81,25 +85,12 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         callback=parse_utc_offset_option,
         help="Offset of local time from UTC: +02:00 or 2.",
     ),
-    "latitude": click.option("--latitude", "--lat", type=Number("48.14"), metavar="DEG", help="Where: positive north."),
-    "longitude": click.option(
-        "--longitude", "--lon", type=Number("11.58"), metavar="DEG", help="Where: positive east."
-    ),
-    "heading": click.option(
-        "--heading", type=Number("134.2"), metavar="DEG", help="Where the camera points, clockwise from true north."
-    ),
-    "vertical_fov": click.option(
-        "--vertical-fov",
-        "--fov",
-        type=Number("48.7"),
-        metavar="DEG",
-        help="Vertical field of view of the upright photo.",
-    ),
-    "camera_height": click.option(
-        "--camera-height",
-        type=Number("1.6"),
-        metavar="METERS",
-        help="How high the camera is above the ground.  [default: 1.6]",
+    "latitude": _number("48.14", "DEG", "Where: positive north.", "--latitude", "--lat"),
+    "longitude": _number("11.58", "DEG", "Where: positive east.", "--longitude", "--lon"),
+    "heading": _number("134.2", "DEG", "Where the camera points, clockwise from true north.", "--heading"),
+    "vertical_fov": _number("48.7", "DEG", "Vertical field of view of the upright photo.", "--vertical-fov", "--fov"),
+    "camera_height": _number(
+        "1.6", "METERS", "How high the camera is above the ground.  [default: 1.6]", "--camera-height"
     ),
     "shadows": click.option(
         "--shadow",
@@ -281,7 +272,7 @@ def process_photos(
                 if console.is_broken_pipe(error):
                     raise
                 if chosen.as_json:
-                    click.echo(console.format_json_error(name, error))
+                    click.echo(console.format_record(name, error))
                 if len(chosen.photos) == 1 or ctx.find_root().params["debug"]:
                     raise
                 failed += 1

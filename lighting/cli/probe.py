@@ -15,6 +15,7 @@ from lighting.cli.options import FiniteRange, Number
 from lighting.cli.photos import check_coordinates, parse_time_option, parse_utc_offset_option
 from lighting.errors import ProbeError
 from lighting.files import escape_undecodable
+from lighting.map_options import MAX_WHOLE_HEIGHT
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ _read_point = common.read_by(_pair, "{text!r} is not two numbers such as 1500,10
     "--series", is_flag=True, help="Many brackets of a camera that did not move: tilt and lens are found too."
 )
 @click.option("--fill-sun", "fill", is_flag=True, help="A clipped sun gets the model's power.")
-@common.height_option
+@common.map_options("height", max_height=MAX_WHOLE_HEIGHT)
 @click.option(
     "-o",
     "--output",
@@ -108,9 +109,10 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet:
     """
     from lighting.fusion.user_input import UserInput
     from lighting.probe.bracket import group_brackets, read_bracket_files
-    from lighting.probe.develop import write_probe
+    from lighting.probe.develop import BracketSettings, write_probe
 
     as_json, overwrite = options.pop("as_json"), options.pop("overwrite")
+    options["height"] = options.pop("view").height
     ending = "-probes" if series else "-probe.exr"
     output = outputs.choose_folder(str(exposures[0]), output, ending)
     _check_output(output, series)
@@ -120,7 +122,8 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet:
         stated = UserInput(**{name: options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")})
     if series and stated.time is not None:
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
-    settings = _settings(options)
+    with common.usage_errors(ProbeError):  # of numbers that no picture is taken by
+        settings = BracketSettings(**options)
     shots = group_brackets(exposures) if series else [read_bracket_files(_files(exposures))]
     moments = _moments(shots, stated)
     _check_targets(shots, moments, output, overwrite)
@@ -158,14 +161,6 @@ def _check_lens(options: "Json") -> None:
     for name in UNUSED_LENS_OPTIONS.get(kind, ()):
         if options[name] is not None:
             raise click.UsageError(f"{option_name(name)} does not go with --lens {kind}.")
-
-
-def _settings(options: "Json") -> "BracketSettings":
-    """The options as the library takes them; UsageError for numbers that no picture is taken by."""
-    from lighting.probe.develop import BracketSettings
-
-    with common.usage_errors(ProbeError):
-        return BracketSettings(**options)
 
 
 def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"], output: str, overwrite: bool) -> None:

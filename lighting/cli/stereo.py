@@ -20,7 +20,6 @@ from lighting.files import escape_undecodable, output_folder_error
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
-    from lighting.stereo.normal_network import Network
     from lighting.stereo.output import NormalsOptions, NormalsProgress, NormalsResult
     from lighting.stereo.planner import PlanSkies
     from lighting.stereo.schedule import DayProgress, Plan, Window
@@ -225,6 +224,7 @@ def _normals(
     """
     if options["probes"] and (options["sky"] or options["turbidity"]):
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
+    from lighting.stereo.normal_network import Network
     from lighting.stereo.output import estimate_normals, write_normals
 
     check_coordinates(options["latitude"], options["longitude"])
@@ -234,9 +234,8 @@ def _normals(
     if objection := output_folder_error(folder, overwrite=overwrite):
         raise ParameterError(objection, "folder", ErrorCode.UNWRITABLE)
     with silence_libraries() as stderr:
-        result = estimate_normals(
-            day, _normals_options(**options), _network() if network else None, _watch(quiet, stderr)
-        )
+        learned = Network.load() if network else None
+        result = estimate_normals(day, _normals_options(**options), learned, _watch(quiet, stderr))
     write_normals(folder, result)
     for warning in result.warnings:
         click.echo(f"Warning: {warning}", err=True)
@@ -259,12 +258,6 @@ def _normals_options(sky: str | None, noise: float | None, size: int | None, **o
     if size is not None:
         stated["size"] = size or None
     return NormalsOptions(**stated)
-
-
-def _network() -> "Network":
-    from lighting.stereo.normal_network import Network
-
-    return Network.load()
 
 
 def _watch(quiet: bool, stderr: TextIO) -> "NormalsProgress":

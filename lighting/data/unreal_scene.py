@@ -58,17 +58,18 @@ def _warn_of_other_lights() -> None:
             unreal.log_warning(f"The level has another light, which shines beside the photo's: {actor.get_name()}.")
 
 
+def _set(thing: unreal.Object, **values: object) -> None:
+    for name, value in values.items():
+        thing.set_editor_property(name, value)
+
+
 # Assets
 
 
 def _import_picture(path: Path) -> unreal.Texture:
     """The asset that a picture becomes; a lat-long .hdr becomes a cubemap."""
     task = unreal.AssetImportTask()
-    task.set_editor_property("filename", str(path))
-    task.set_editor_property("destination_path", _ASSETS)
-    task.set_editor_property("automated", True)
-    task.set_editor_property("replace_existing", True)
-    task.set_editor_property("save", True)
+    _set(task, filename=str(path), destination_path=_ASSETS, automated=True, replace_existing=True, save=True)
     tools.import_asset_tasks([task])
     return library.load_asset(f"{_ASSETS}/{path.stem}")
 
@@ -76,9 +77,8 @@ def _import_picture(path: Path) -> unreal.Texture:
 def _import_plain(path: Path) -> unreal.Texture:
     """The same, neither compressed nor scaled."""
     texture = _import_picture(path)
-    texture.set_editor_property("compression_settings", unreal.TextureCompressionSettings.TC_EDITOR_ICON)
-    texture.set_editor_property("mip_gen_settings", unreal.TextureMipGenSettings.TMGS_NO_MIPMAPS)
-    texture.set_editor_property("srgb", True)
+    plain, no_mipmaps = unreal.TextureCompressionSettings.TC_EDITOR_ICON, unreal.TextureMipGenSettings.TMGS_NO_MIPMAPS
+    _set(texture, compression_settings=plain, mip_gen_settings=no_mipmaps, srgb=True)
     return texture
 
 
@@ -98,14 +98,14 @@ def _projected_material(name: str, albedo: unreal.Texture | None, emission: unre
     ):
         if picture:
             sample = editing.create_material_expression(material, unreal.MaterialExpressionTextureSample, -300, 0)
-            sample.set_editor_property("texture", picture)
+            _set(sample, texture=picture)
             editing.connect_material_expressions(place, "ViewportUV", sample, "UVs")
             editing.connect_material_property(sample, "RGB", target)
     if albedo:
         _make_diffuse(material)
     else:
-        material.set_editor_property("shading_model", unreal.MaterialShadingModel.MSM_UNLIT)
-    material.set_editor_property("two_sided", True)
+        _set(material, shading_model=unreal.MaterialShadingModel.MSM_UNLIT)
+    _set(material, two_sided=True)
     editing.recompile_material(material)
     return material
 
@@ -113,7 +113,7 @@ def _projected_material(name: str, albedo: unreal.Texture | None, emission: unre
 def _plain_material(name: str, albedo: float) -> unreal.Material:
     material = _new_material(name)
     color = editing.create_material_expression(material, unreal.MaterialExpressionConstant3Vector, -300, 0)
-    color.set_editor_property("constant", unreal.LinearColor(albedo, albedo, albedo, 1.0))
+    _set(color, constant=unreal.LinearColor(albedo, albedo, albedo, 1.0))
     editing.connect_material_property(color, "", unreal.MaterialProperty.MP_BASE_COLOR)
     _make_diffuse(material)
     editing.recompile_material(material)
@@ -123,7 +123,7 @@ def _plain_material(name: str, albedo: float) -> unreal.Material:
 def _make_diffuse(material: unreal.Material) -> None:
     for value, target in ((1.0, unreal.MaterialProperty.MP_ROUGHNESS), (0.0, unreal.MaterialProperty.MP_SPECULAR)):
         constant = editing.create_material_expression(material, unreal.MaterialExpressionConstant, -300, 300)
-        constant.set_editor_property("r", value)
+        _set(constant, r=value)
         editing.connect_material_property(constant, "", target)
 
 
@@ -140,7 +140,7 @@ def _spawn(
     )
     actor.set_actor_label(label)
     actor.set_folder_path(NAME)
-    actor.set_editor_property("tags", [NAME])
+    _set(actor, tags=[NAME])
     return actor
 
 
@@ -151,32 +151,24 @@ def _add_sun(numbers: Json) -> None:
     )
     light.set_mobility(unreal.ComponentMobility.MOVABLE)
     red, green, blue = numbers["color"]
-    light.set_editor_property("light_color", unreal.Color(b=blue, g=green, r=red, a=255))
-    light.set_editor_property("intensity", numbers["lux"])
-    light.set_editor_property("light_source_angle", numbers["angle"])
-    light.set_editor_property("use_temperature", False)
-    light.set_editor_property("atmosphere_sun_light", False)
-    light.set_editor_property("cast_shadows", True)
-    light.set_editor_property("affects_world", numbers["on"])
+    color = unreal.Color(b=blue, g=green, r=red, a=255)
+    _set(light, light_color=color, intensity=numbers["lux"], light_source_angle=numbers["angle"], use_temperature=False)
+    _set(light, atmosphere_sun_light=False, cast_shadows=True, affects_world=numbers["on"])
 
 
 def _add_sky(cubemap: unreal.TextureCube, numbers: Json) -> None:
     light = _spawn(unreal.SkyLight, "Sky", (0.0, 0.0, 0.0)).get_component_by_class(unreal.SkyLightComponent)
     light.set_mobility(unreal.ComponentMobility.MOVABLE)
-    light.set_editor_property("real_time_capture", False)
-    light.set_editor_property("source_type", unreal.SkyLightSourceType.SLS_SPECIFIED_CUBEMAP)
-    light.set_editor_property("cubemap", cubemap)
-    light.set_editor_property("source_cubemap_angle", numbers["angle"])
-    light.set_editor_property("cubemap_resolution", numbers["resolution"])
-    light.set_editor_property("lower_hemisphere_is_black", False)
-    light.set_editor_property("intensity", 1.0)
+    _set(light, real_time_capture=False, source_type=unreal.SkyLightSourceType.SLS_SPECIFIED_CUBEMAP, cubemap=cubemap)
+    _set(light, source_cubemap_angle=numbers["angle"], cubemap_resolution=numbers["resolution"])
+    _set(light, lower_hemisphere_is_black=False, intensity=1.0)
     light.recapture_sky()
 
 
 def _add_exposure() -> None:
     """Exposure 1, no tone curve, and no light that bounces: the map holds what the ground reflects."""
     volume = _spawn(unreal.PostProcessVolume, "Exposure", (0.0, 0.0, 0.0))
-    volume.set_editor_property("unbound", True)
+    _set(volume, unbound=True)
     settings = volume.get_editor_property("settings")
     for name, value in (
         ("auto_exposure_method", unreal.AutoExposureMethod.AEM_MANUAL),
@@ -189,23 +181,19 @@ def _add_exposure() -> None:
         ("vignette_intensity", 0.0),
         ("dynamic_global_illumination_method", unreal.DynamicGlobalIlluminationMethod.NONE),
     ):
-        settings.set_editor_property(f"override_{name}", True)
-        settings.set_editor_property(name, value)
-    volume.set_editor_property("settings", settings)
+        _set(settings, **{f"override_{name}": True, name: value})
+    _set(volume, settings=settings)
 
 
 def _add_camera(numbers: Json) -> unreal.Actor:
     actor = _spawn(unreal.CineCameraActor, "Camera", numbers["location"], numbers["rotation"])
     camera = actor.get_component_by_class(unreal.CineCameraComponent)
-    filmback = camera.get_editor_property("filmback")
-    filmback.set_editor_property("sensor_width", numbers["sensor"][0])
-    filmback.set_editor_property("sensor_height", numbers["sensor"][1])
-    camera.set_editor_property("filmback", filmback)
-    camera.set_editor_property("current_focal_length", numbers["focal_length"])
-    focus = camera.get_editor_property("focus_settings")
-    focus.set_editor_property("focus_method", unreal.CameraFocusMethod.DISABLE)
-    camera.set_editor_property("focus_settings", focus)
-    camera.set_editor_property("constrain_aspect_ratio", True)
+    filmback, focus = camera.get_editor_property("filmback"), camera.get_editor_property("focus_settings")
+    width, height = numbers["sensor"]
+    _set(filmback, sensor_width=width, sensor_height=height)
+    _set(focus, focus_method=unreal.CameraFocusMethod.DISABLE)
+    _set(camera, filmback=filmback, current_focal_length=numbers["focal_length"])
+    _set(camera, focus_settings=focus, constrain_aspect_ratio=True)
     return actor
 
 
@@ -225,7 +213,7 @@ def _add_shape(
     mesh.set_mobility(unreal.ComponentMobility.MOVABLE)
     mesh.set_static_mesh(library.load_asset(f"{SHAPES}/{shape}"))
     mesh.set_material(0, material)
-    mesh.set_editor_property("cast_shadow", shadow)
+    _set(mesh, cast_shadow=shadow)
     return actor
 
 

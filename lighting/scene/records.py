@@ -53,29 +53,11 @@ class _Placeholder:
     """
 
     ball_radius: float
-
-    @property
-    def ball_center(self) -> Floats:
-        """The ball rests on the spot."""
-        return np.array([0.0, self.ball_radius, 0.0])
-
-    @property
-    def stick_foot(self) -> Floats:
-        """The middle of the stick's lower end."""
-        return np.array([2.5 * self.ball_radius, 0.0, 0.0])
-
-    @property
-    def stick_center(self) -> Floats:
-        """Halfway up the stick."""
-        return np.array([self.stick_foot[0], self.stick_height / 2, 0.0])
-
-    @property
-    def stick_height(self) -> float:
-        return 2.5 * self.ball_radius
-
-    @property
-    def stick_radius(self) -> float:
-        return 0.06 * self.ball_radius
+    ball_center: Floats  # the ball rests on the spot
+    stick_foot: Floats  # the middle of the stick's lower end
+    stick_center: Floats  # halfway up the stick
+    stick_height: float
+    stick_radius: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +178,10 @@ class Scene:
         """What stands on the spot; it takes up the same part of each picture where that is no giant."""
         distance = float(np.linalg.norm(self.spot - self.camera_position))
         radius = 2 * _BALL * distance * float(np.tan(np.radians(self.vertical_fov) / 2))
-        return _Placeholder(min(radius, max_object_meters(self.lighting.camera_height)))
+        ball = min(radius, max_object_meters(self.lighting.camera_height))
+        aside, height = 2.5 * ball, 2.5 * ball
+        ball_center, foot, center = np.array([[0.0, ball, 0.0], [aside, 0.0, 0.0], [aside, height / 2, 0.0]])
+        return _Placeholder(ball, ball_center, foot, center, stick_height=height, stick_radius=0.06 * ball)
 
     @cached_property
     def spot_in_shade(self) -> bool:

@@ -386,7 +386,12 @@ def test_a_bad_height_is_wrong_usage(value: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["scene absent.jpg --for usd", "day absent.jpg --date 2024-06-01", "video absent.mp4", "probe merge absent.tif"],
+    [
+        "scene absent.jpg --for usd",
+        "day absent.jpg --date 2024-06-01",
+        "video absent.mp4",
+        f"probe merge {__file__} --lens ball",
+    ],
 )
 def test_what_needs_a_whole_map_is_lower(command: str) -> None:
     sentence = "--height is 4098; it must be an even number from 16 to 4096."

@@ -146,9 +146,7 @@ def test_a_scene_of_an_added_tool_replaces_no_input(
     photo_path: Path, record_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: str
 ) -> None:
     replaced = {"photo": photo_path, "record": record_path}[own]
-    toy = Exporter(
-        lambda _scene, folder: (folder / replaced.name).write_text("toy"), label="A toy", files=(replaced.name,)
-    )
+    toy = Exporter(lambda _scene: {replaced.name: b"toy"}, label="A toy", files=(replaced.name,))
     monkeypatch.setitem(EXPORTERS, "toy", toy)
     before = replaced.read_bytes()
     arguments: list[str | Path] = ["scene", photo_path, "--for", "toy", "--lighting", record_path, "--overwrite"]
