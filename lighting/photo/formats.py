@@ -182,6 +182,10 @@ _PICTURES = (  # name with its article, and how such files begin
     ("a Microsoft Paint picture (MSP)", b"DanM"), ("an AutoCAD drawing (DWG)", b"AC10"),
     ("an XPM", b"/* XPM"), ("an XBM", b"#define "), ("a DjVu", b"AT&TFORM"), ("a WMF", b"\xd7\xcd\xc6\x9a"),
 )  # fmt: skip
+_MARKED = (  # of which the mark lies behind the file's beginning
+    ("an EMF", 40, b" EMF"), ("a DICOM picture", 128, b"DICM"), ("a PICT", 522, b"\0\x11\2\xff"),
+    ("a Photo CD picture (PCD)", 2048, b"PCD_IPI"),
+)  # fmt: skip
 _OTHERS = (  # of which no picture can be made
     ("a Blender file", b"BLENDER"), ("a glTF scene (GLB)", b"glTF"), ("a USD scene", b"PXR-USDC"),
     ("a ZIP archive", b"PK\x03\x04"), ("a gzip archive", b"\x1f\x8b"), ("a 7z archive", b"7z\xbc\xaf"),
@@ -316,14 +320,10 @@ def _picture_name(data: bytes) -> str | None:
         return "a PCX"
     if b"%PDF-" in data[:_PDF_HEAD]:
         return "a PDF"
-    if data[40:44] == b" EMF":
-        return "an EMF"
-    if data[2048:2055] == b"PCD_IPI":
-        return "a Photo CD picture (PCD)"
+    if name := next((name for name, start, mark in _MARKED if data.startswith(mark, start)), None):
+        return name
     if _riff_kind(data) == b"ACON":
         return "a cursor (ANI)"
-    if data[522:526] == b"\0\x11\2\xff":
-        return "a PICT"
     if data[:4] in _DIB_HEADERS and data[12:16] in _DIB_PLANES:
         return "a BMP without its first header (DIB)"
     if _riff_kind(data)[:3] == b"CDR":
@@ -332,8 +332,6 @@ def _picture_name(data: bytes) -> str | None:
         return "an SVG (compressed, SVGZ)"
     if data[:4] == _ZIP and (name := next((name for mark, name in _IN_ZIP if mark in data[:_TEXT_HEAD]), None)):
         return name
-    if data[128:132] == b"DICM":
-        return "a DICOM picture"
     if _is_svg(data):
         return "an SVG"
     return next((name for name, start in _PICTURES if data.startswith(start)), None)

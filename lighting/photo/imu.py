@@ -71,10 +71,10 @@ def _tilt_from_accelerometer(tags: Tags, orientation: int | None, size: tuple[in
         x, y, z = note[_ACCELERATION]
     except TAG_ERRORS:
         return None
-    norm = math.hypot(x, y, z)
-    if not _is_back(str(tags.get(ExifTags.Base.LensModel, "")), note):
-        return None
-    if not _AT_REST[0] <= norm <= _AT_REST[1]:
+    norm, lens, front = math.hypot(x, y, z), str(tags.get(ExifTags.Base.LensModel, "")).lower(), note.get(_FRONT)
+    # Neither older maker notes nor the lens's name need say that it is the back camera.
+    is_back = "front" not in lens and front in (None, 0) and ("back" in lens or front == 0)
+    if not is_back or not _AT_REST[0] <= norm <= _AT_REST[1]:
         return None
     in_sensor = (y / norm, -x / norm, z / norm)
     std = math.hypot(TILT_STD, math.degrees(abs(norm - 1.0)))  # a lateral acceleration is about as large
@@ -189,12 +189,6 @@ def _apple_note(note: object) -> dict[int, Any]:
         elif tag == _FRONT and (kind, values) == (9, 1):
             values_by_tag[tag] = value
     return values_by_tag
-
-
-def _is_back(lens: str, note: Tags) -> bool:
-    """Whether the back camera took it; neither older maker notes nor the lens's name need say so."""
-    front = note.get(_FRONT)
-    return "front" not in lens.lower() and front in (None, 0) and ("back" in lens.lower() or front == 0)
 
 
 def _gimbal_angles(xmp: Mapping[str, str], namespace: str) -> tuple[float, float, float] | None:

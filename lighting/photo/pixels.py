@@ -39,7 +39,7 @@ def decoder_calls() -> Iterator[None]:
         raise PhotoError(f"The photo is damaged or cut short ({reason}).") from error
 
 
-def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
+def check_bit_depth(image: Any, *, all_bits: bool = False) -> None:
     """Raise PhotoError for a TIFF whose colors Pillow does not read.
 
     Args:
@@ -50,15 +50,10 @@ def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
         raise PhotoError(
             "The TIFF holds 32 bits per colour, or signed ones, whose white is unknown; convert it to 8 or 16 bits."
         )
-    if _are_misread(image, all_bits):
-        raise PhotoError("The TIFF stores red, green and blue of 16 bits one after another; store them pixel by pixel.")
-
-
-def _are_misread(image: Any, all_bits: bool) -> bool:
-    """Whether a TIFF stores its colors of over 8 bits in planes, of which Pillow reads the high bits if packed."""
     tags = _tiff_tags(image)
-    wide = tags.get(_PLANAR) == _PLANES and max(tags.get(_BITS, (8,))) > 8
-    return bool(wide and (all_bits or image.tile[0].codec_name == "raw"))
+    in_planes = tags.get(_PLANAR) == _PLANES and max(tags.get(_BITS, (8,))) > 8  # of which packed ones lose low bits
+    if in_planes and (all_bits or image.tile[0].codec_name == "raw"):
+        raise PhotoError("The TIFF stores red, green and blue of 16 bits one after another; store them pixel by pixel.")
 
 
 def upright_pixels(

@@ -13,6 +13,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from io import FileIO
 from pathlib import Path
@@ -131,16 +132,11 @@ def _takeout_properties(record: object) -> dict[str, str]:
     if not isinstance(record, dict) or "photoTakenTime" not in record:
         return {}
     places = (_takeout_place(record.get(name)) for name in ("geoData", "geoDataExif"))
-    place = next((found for found in places if found), {})
-    return {**place, **_takeout_time(record["photoTakenTime"])}
-
-
-def _takeout_time(value: Any) -> dict[str, str]:
-    try:
-        time = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=float(value["timestamp"]))
-    except (ArithmeticError, LookupError, TypeError, ValueError):
-        return {}
-    return {TAKEOUT_TIME: f"{time:%Y-%m-%dT%H:%M:%SZ}"}
+    properties = next((found for found in places if found), {})
+    with suppress(ArithmeticError, LookupError, TypeError, ValueError):
+        time = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=float(record["photoTakenTime"]["timestamp"]))
+        properties[TAKEOUT_TIME] = f"{time:%Y-%m-%dT%H:%M:%SZ}"
+    return properties
 
 
 def _takeout_place(value: Any) -> dict[str, str]:

@@ -7,6 +7,7 @@ References:
 
 import math
 import struct
+from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -71,21 +72,16 @@ def _read_exif(image: Image.Image) -> Image.Exif:
     Args:
         image: opened by Pillow. A PNG's text counts before its pixels are decoded and after.
     """
-    is_decoded_png = image.format == "PNG" and not getattr(
-        image, "tile", None
-    )  # whose own method would decode it again
+    # The own method of a PNG that is decoded would decode it again.
+    is_decoded_png = image.format == "PNG" and not getattr(image, "tile", None)
     exif = Image.Exif()
     with suppress(Exception):  # Pillow raises nearly anything on hostile bytes
         exif = Image.Image.getexif(image) if is_decoded_png else image.getexif()
     if not exif and (block := _raw_profile(image, "exif") or _raw_profile(image, "app1")):
         block = block.removeprefix(_EXIF_PREFIX)
         exif = _load_exif(_EXIF_PREFIX + block) if block.startswith(TIFF_STARTS) else exif
-    return exif if _is_cheap(exif) else Image.Exif()
-
-
-def _is_cheap(exif: Image.Exif) -> bool:
-    block = getattr(exif, "fp", None)  # what Pillow reads it from: the block, or a TIFF itself
-    return not isinstance(block, BytesIO) or is_moderate(block.getbuffer())
+    source = getattr(exif, "fp", None)  # what Pillow reads it from: the block, or a TIFF itself
+    return Image.Exif() if isinstance(source, BytesIO) and not is_moderate(source.getbuffer()) else exif
 
 
 def _load_exif(block: bytes) -> Image.Exif:
@@ -163,20 +159,13 @@ def _read_packet(image: Image.Image) -> dict[str, str]:
     segments = _app1_segments(image)
     packets = [data.removeprefix(_XMP_PREFIX) for data in segments if data.startswith(_XMP_PREFIX)]
     if len(packets) > 1:  # of which Pillow has the last
-        properties: dict[str, str] = {}
-        for packet in packets[:_MAX_XMP_PACKETS]:
-            properties = {**read_xmp(packet), **properties}
-        return properties
-    return {**_png_properties(image), **read_xmp(_single_packet(image))}
-
-
-def _single_packet(image: Image.Image) -> object:
+        return dict(ChainMap(*map(read_xmp, packets[:_MAX_XMP_PACKETS])))
     packet = image.info.get("xmp")
     if packet is None and isinstance(text := image.info.get(_XMP_KEYWORD), str):
         packet = text.encode()
     if packet is None:
         packet = _raw_profile(image, "xmp") or _raw_profile(image, "app1").removeprefix(_XMP_PREFIX)
-    return packet
+    return {**_png_properties(image), **read_xmp(packet)}
 
 
 def _png_properties(image: Image.Image) -> dict[str, str]:

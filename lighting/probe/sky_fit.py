@@ -94,7 +94,14 @@ def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None
         candidates = np.clip(np.arange(turbidity - reach, turbidity + reach + step / 2, step), 1.0, 10.0)
         costs = [_fit_gains(sky, sun_direction, candidate)[0] for candidate in candidates]
         turbidity, reach = float(candidates[int(np.argmin(costs))]), step
-    return _assess_fit(sky, sun_direction, turbidity)
+    _, gains, error, weight = _fit_gains(sky, sun_direction, turbidity)
+    exposure = weight @ luminance(sky.pixels) / (weight @ luminance(sky.model(sun_direction, turbidity)))
+    residual, share = float(np.median(error)), float(weight.mean())
+    coverage = share * sky.solid_angle
+    inside = 1.05 < turbidity < 9.95  # at an end of the range the best fit may lie beyond it
+    explained = residual < _MAX_RESIDUAL and share > _MIN_SHARE and coverage > _MIN_COVERAGE
+    ok = bool(inside and explained and np.ptp(gains) < _MAX_GAIN_RANGE)
+    return SkyFit(turbidity, float(exposure), residual, coverage, ok)
 
 
 def _sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
@@ -141,17 +148,6 @@ def _fit_gains(sky: _Sky, sun_direction: Floats, turbidity: float) -> tuple[floa
         offset = weight @ ratio / weight.sum()
     pull = _GAIN_PULL * float(_CHANNEL_WEIGHT @ (gains - common) ** 2) / _ERROR_SCALE**2
     return float(np.log1p(square / _ERROR_SCALE**2).mean()) + pull, gains, np.sqrt(square), weight
-
-
-def _assess_fit(sky: _Sky, sun_direction: Floats, turbidity: float) -> SkyFit:
-    _, gains, error, weight = _fit_gains(sky, sun_direction, turbidity)
-    exposure = weight @ luminance(sky.pixels) / (weight @ luminance(sky.model(sun_direction, turbidity)))
-    residual, share = float(np.median(error)), float(weight.mean())
-    coverage = share * sky.solid_angle
-    inside = 1.05 < turbidity < 9.95  # at an end of the range the best fit may lie beyond it
-    explained = residual < _MAX_RESIDUAL and share > _MIN_SHARE and coverage > _MIN_COVERAGE
-    ok = bool(inside and explained and np.ptp(gains) < _MAX_GAIN_RANGE)
-    return SkyFit(turbidity, float(exposure), residual, coverage, ok)
 
 
 _MIN_ELEVATION = 10.0  # deg, below which hills, trees and haze hide the sky

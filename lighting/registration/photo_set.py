@@ -221,15 +221,11 @@ def _common_zoom(views: Sequence[ViewFeatures], pairs: PairRotations, lenses: Se
     """The weighted median of the factors on all focal lengths, and the standard deviation of its logarithm."""
     if not pairs:
         return 1.0, 0.0
-    log, log_std = np.array([_zoom(views[i], lenses[i], relative) for (i, _), relative in pairs.items()]).T
+    fovs = [(i, relative.vertical_fov[0], relative.fov_std) for (i, _), relative in pairs.items()]
+    log = np.array([float(np.log(_scale(views[i], lenses[i], fov))) for i, fov, _ in fovs])
+    log_std = np.array([float(np.radians(std) / np.sin(np.radians(fov))) for _, fov, std in fovs])
     weight = 1.0 / np.maximum(log_std, 1e-4) ** 2
     return float(np.exp(weighted_median(log, weight))), float(weight.sum() ** -0.5)
-
-
-def _zoom(view: ViewFeatures, lens: Lens, relative: RelativeRotation) -> tuple[float, float]:
-    """The logarithm of a pair's focal length over the one assumed, and its standard deviation."""
-    fov = relative.vertical_fov[0]
-    return float(np.log(_scale(view, lens, fov))), float(np.radians(relative.fov_std) / np.sin(np.radians(fov)))
 
 
 def _scale(view: ViewFeatures, lens: Lens, fov: float) -> float:
