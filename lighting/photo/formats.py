@@ -7,6 +7,7 @@ References:
     [1] ISO/IEC 23008-12, 6.5.10 and 6.5.12; boxes by ISO/IEC 14496-12, 4.2 and 8.11.
 """
 
+import codecs
 import re
 import struct
 import zlib
@@ -370,10 +371,9 @@ def _other_name(data: bytes) -> str | None:
 def _is_text(head: bytes) -> bool:
     """Whether the start of a file is UTF-8 of letters, blanks and line ends; a character may be cut at its end."""
     try:
-        text = head.decode("utf-8")
-    except UnicodeDecodeError as error:
-        is_cut = len(head) == _TEXT_HEAD and error.start > len(head) - 4
-        text = head[: error.start].decode("utf-8") if is_cut else "\0"
+        text = codecs.getincrementaldecoder("utf-8")().decode(head, final=len(head) < _TEXT_HEAD)
+    except UnicodeDecodeError:
+        return False
     return all(c.isprintable() or c in "\t\r\n\ufeff" for c in text)
 
 

@@ -10,7 +10,7 @@ import os
 import struct
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
 from numbers import Integral
@@ -107,6 +107,8 @@ class PhotoOrigin:
     """Most bytes that the file may have."""
     max_pixels: int
     """Most pixels that the picture may have."""
+    reader: Callable[..., "Photo"] = field(repr=False)
+    """What reads it: `read_photo`, or the same in another process."""
 
     @property
     def name(self) -> str | None:
@@ -123,13 +125,9 @@ class PhotoOrigin:
             PhotoError: its file has changed since.
             OSError: its file cannot be opened any more.
         """
-        self.check_unchanged()
-        return read_photo(self.data, max_bytes=self.max_bytes, max_pixels=self.max_pixels, target=target, sidecar={})
-
-    def check_unchanged(self) -> None:
-        """Raise PhotoError where the file has changed since, OSError where it cannot be opened any more."""
         if isinstance(self.data, Path) and modified(self.data) != self.modified:
             raise PhotoError(f"{self.data} has changed since it was read.")
+        return self.reader(self.data, max_bytes=self.max_bytes, max_pixels=self.max_pixels, target=target, sidecar={})
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +248,8 @@ def read_photo(
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     photo = _without_border(Photo(pixels, width, height, tiff.RAW_FORMAT if raw else str(image.format)))
     metadata = read_metadata(tags, photo.width, photo.height, sidecar, is_inside=photo.crop is not None)
-    return replace(photo, metadata=metadata, source=PhotoOrigin(file or data, changed, max_bytes, max_pixels))
+    origin = PhotoOrigin(file or data, changed, max_bytes, max_pixels, read_photo)
+    return replace(photo, metadata=metadata, source=origin)
 
 
 def modified(file: Path) -> tuple[int, int]:

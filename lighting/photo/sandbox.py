@@ -20,7 +20,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from datetime import datetime
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from io import BufferedReader, BufferedWriter
 from pathlib import Path
@@ -137,19 +137,8 @@ def read_photo_isolated(
             photo = decoder.read(request, data)
     finally:
         _idle.append(decoder)
-    return replace(photo, source=_IsolatedOrigin(file or data, changed, max_bytes, max_pixels, seconds))
-
-
-@dataclass(frozen=True, eq=False)
-class _IsolatedOrigin(PhotoOrigin):
-    """Where a photo was read from by another process, and is again."""
-
-    seconds: float  # that reading may take
-
-    def read(self, target: int) -> Photo:
-        self.check_unchanged()
-        limits = {"max_bytes": self.max_bytes, "max_pixels": self.max_pixels}
-        return read_photo_isolated(self.data, **limits, target=target, seconds=self.seconds, sidecar={})
+    reader = partial(read_photo_isolated, seconds=seconds)
+    return replace(photo, source=PhotoOrigin(file or data, changed, max_bytes, max_pixels, reader))
 
 
 def start_decoder_pool(count: int) -> None:

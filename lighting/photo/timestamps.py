@@ -19,12 +19,10 @@ def parse_time(text: str) -> datetime:
     Args:
         text: such as "2024-06-01T14:30" or "2024-06-01T14:30+02:00".
     """
-    if not isinstance(text, str):
-        raise _no_time(text)
     try:
         time = datetime.fromisoformat(text.strip())
         time.astimezone(UTC)
-    except (ValueError, OverflowError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:  # the first two of what is no text
         raise _no_time(text) from error
     if len(text.strip()) <= len("2024-06-01"):
         raise ParameterError(f"{text!r} is a day without a time.", "time", ErrorCode.MALFORMED)
