@@ -301,7 +301,7 @@ def _view(photo: Photo, prediction: Prediction, observations: "Observations") ->
     camera, gravity = fused.prediction, fused.observations.gravity
     tilt = (camera.camera_elevation, camera.camera_roll)
     std = UP_STD if gravity is None else min(UP_STD, camera_elevation_std(gravity))
-    return View(photo.pixels, *tilt, prediction.vertical_fov, observations.vertical_fov, std)
+    return View(*tilt, prediction.vertical_fov, observations.vertical_fov, std, pixels=photo.pixels)
 
 
 def _register_here(views: "Sequence[View]") -> "Sequence[RegisteredView]":

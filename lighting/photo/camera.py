@@ -216,22 +216,19 @@ class _Crop:
         The developer turns the pixels and forgets that it did, so that the shape of the whole tells.
         """
         turned = replace(self, width=self.height, height=self.width)
-        found = (crop for one in (self, turned) for crop in (one._whole(frame), one._whole_of_corners(frame)))
-        wholes = sorted(dict.fromkeys(found), key=_distance_from_sensor)
+        found = dict.fromkeys((*self._wholes(frame), *turned._wholes(frame)))
+        wholes = sorted(found, key=_distance_from_sensor)
         limit = _distance_from_sensor(wholes[0]) + (0.03 if self.turn else 0.1)
         wholes = [whole for whole in wholes if _distance_from_sensor(whole) < limit]
         return tuple(math.hypot(*whole) / math.hypot(frame.width, frame.height) for whole in wholes)
 
-    def _whole(self, frame: PhotoFrame) -> tuple[float, float]:
-        """Width and height of the picture that was cropped."""
-        return frame.width / self.width, frame.height / self.height
-
-    def _whole_of_corners(self, frame: PhotoFrame) -> tuple[float, float]:
-        """The same, where the crop states two corners of the rectangle that was turned."""
+    def _wholes(self, frame: PhotoFrame) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Width and height of the picture that was cropped; and where the crop states corners of a turned rectangle."""
+        whole = (frame.width / self.width, frame.height / self.height)
         cosine, sine = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
         across = cosine * frame.width - sine * frame.height
         along = sine * frame.width + cosine * frame.height
-        return (across / self.width, along / self.height) if min(across, along) > 0 else self._whole(frame)
+        return whole, (across / self.width, along / self.height) if min(across, along) > 0 else whole
 
 
 def _distance_from_sensor(size: tuple[float, float]) -> float:

@@ -116,8 +116,9 @@ def read_color_encoding(image: Image.Image, data: bytes, own: PhotoTags, tags: P
         own: of the picture itself.
         tags: of the file that it is embedded in; else its own.
     """
-    profile = image.info.get("icc_profile")
-    for code_points in (_png_code_points(data), _profile_code_points(profile), _nclx_code_points(image)):
+    profile, nclx = image.info.get("icc_profile"), image.info.get("nclx_profile")
+    of_heif = (nclx["color_primaries"], nclx["transfer_characteristics"], True) if nclx else None  # the range is undone
+    for code_points in (_png_code_points(data), _profile_code_points(profile), of_heif):
         if code_points is not None and (encoding := _by_code_points(*code_points)) is not None:
             return encoding
     read = _by_known_profile if profile and len(profile) <= _MAX_KNOWN_PROFILE else _by_profile
@@ -163,12 +164,6 @@ def _profile_code_points(profile: bytes | None) -> tuple[int, int, bool] | None:
         if tag == b"cicp" and size >= 12 and profile[start : start + 4] == b"cicp" and start + 12 <= len(profile):
             return profile[start + 8], profile[start + 9], True
     return None
-
-
-def _nclx_code_points(image: Image.Image) -> tuple[int, int, bool] | None:
-    """The same of HEIC and AVIF, whose decoders have undone the matrix and the range."""
-    nclx = image.info.get("nclx_profile")
-    return (nclx["color_primaries"], nclx["transfer_characteristics"], True) if nclx else None
 
 
 # Chunks of a PNG, and EXIF.

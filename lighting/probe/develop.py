@@ -182,10 +182,8 @@ class Probe:
     """When and where it was taken."""
     spot: SunBlob | None
     """The sun in the photos. None: not seen."""
-    estimated: bool
-    """The sun's light is the model's."""
     fit: SkyFit | None
-    """The model, where it was asked for."""
+    """Of the model that gives the sun's light. None: it was measured."""
     alignment: Alignment | None
     """None where the caller told the yaw."""
     warnings: tuple[str, ...]
@@ -281,10 +279,10 @@ def _finish_probe(
     if spot is not None:
         azimuth, elevation = map(float, angles(rotation @ spot.direction))
         spot = replace(spot, azimuth=azimuth, elevation=elevation)
-    probe = Probe(image, clipped, moment, spot, False, None, alignment, hdr.warnings)
+    probe = Probe(image, clipped, moment, spot, None, alignment, hdr.warnings)
     if settings.fill and spot is not None and spot.clipped:
         filled, sun, fit = _fill_sun(image, clipped, spot)
-        probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
+        probe = replace(probe, image=filled, spot=sun, fit=fit)
     return replace(probe, warnings=(*probe.warnings, *_probe_warnings(probe)))
 
 
@@ -292,7 +290,7 @@ def _probe_warnings(probe: Probe) -> Iterator[str]:
     """What a user must know of a probe, in sentences."""
     if probe.spot is None:
         yield "No sun is seen in this probe."
-    elif probe.estimated:
+    elif probe.fit is not None:
         yield "The sun is clipped in every exposure: the sky around it tells its light."
     elif probe.spot.clipped:
         yield "The sun is clipped in every exposure: it is brighter than the map says."
@@ -364,7 +362,7 @@ def _probe_attributes(probe: Probe) -> dict[str, object]:
         "lighting.sun_elevation": elevation,
         "lighting.sun_found": int(probe.spot is not None),
         "lighting.sun_clipped": int(probe.spot is not None and probe.spot.clipped),
-        "lighting.sun_estimated": int(probe.estimated),
+        "lighting.sun_estimated": int(probe.fit is not None),
         "comments": " ".join(probe.warnings),
     }
     if probe.spot is not None:

@@ -39,7 +39,7 @@ _GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is 
 _MAX_RESIDUAL = 0.2  # `SkyFit.residual` from which on a fit is not trusted
 _MAX_GAIN_RANGE = 0.6  # range of the channels' log gains from which on it is not
 _MIN_SHARE = 0.5  # of the sky's pixels that keep their weight in a trusted fit
-_MIN_COVERAGE = 0.4  # sr, `SkyFit.coverage` of a trusted fit
+_MIN_COVERAGE = 0.4  # sr, of the sky that the model of a trusted fit explains
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,6 @@ class SkyFit:
     """Picture's linear values / sky radiance."""
     residual: float
     """Robust spread of log(picture / model) over the sky's pixels."""
-    coverage: float
-    """Sr, of the sky that the model explains."""
     ok: bool
     """Whether the fit may be trusted."""
 
@@ -97,11 +95,10 @@ def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None
     _, gains, error, weight = _fit_gains(sky, sun_direction, turbidity)
     exposure = weight @ luminance(sky.pixels) / (weight @ luminance(sky.model(sun_direction, turbidity)))
     residual, share = float(np.median(error)), float(weight.mean())
-    coverage = share * sky.solid_angle
     inside = 1.05 < turbidity < 9.95  # at an end of the range the best fit may lie beyond it
-    explained = residual < _MAX_RESIDUAL and share > _MIN_SHARE and coverage > _MIN_COVERAGE
+    explained = residual < _MAX_RESIDUAL and share > _MIN_SHARE and share * sky.solid_angle > _MIN_COVERAGE
     ok = bool(inside and explained and np.ptp(gains) < _MAX_GAIN_RANGE)
-    return SkyFit(turbidity, float(exposure), residual, coverage, ok)
+    return SkyFit(turbidity, float(exposure), residual, ok)
 
 
 def _sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:

@@ -13,7 +13,7 @@ import pickle
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import combinations
 from time import monotonic
 from typing import TYPE_CHECKING, BinaryIO
@@ -63,21 +63,27 @@ Lens = tuple[float, float]  # focal length [half diagonals] and the standard dev
 
 
 @dataclass(frozen=True, eq=False)
-class ViewFeatures:
-    """One photo of a set, before it is compared with others."""
+class _CameraGuess:
+    """What is known of a photo's camera before the photo is compared with others."""
 
-    features: Features
-    """What is recognized elsewhere."""
     camera_elevation: float
-    """Deg, by the network and the photo's metadata."""
+    """Deg, by the network and the photo's metadata: positive looks up."""
     camera_roll: float
     """Deg, -180 to 180: positive turns the camera clockwise."""
     predicted_fov: float
-    """Deg, vertical, by the network."""
+    """Deg, 1 to 170, vertical field of view by the network."""
     metadata_fov: float | None = None
-    """By its metadata or its user."""
+    """Deg, 1 to 170, vertical field of view by the metadata or the user. None: unknown."""
     up_std: float = UP_STD
     """Deg, of the vertical that elevation and roll mean, about each horizontal axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewFeatures(_CameraGuess):
+    """One photo of a set, before it is compared with others."""
+
+    features: Features = field(kw_only=True)
+    """What is recognized elsewhere."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -92,26 +98,16 @@ class ViewFeatures:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class View(_CameraGuess):
     """One photo of a set before features are sought in it."""
 
-    pixels: NDArray[np.uint8]
+    pixels: NDArray[np.uint8] = field(kw_only=True)
     """(H, W, 3) sRGB, upright."""
-    camera_elevation: float
-    """Deg; this and what follows as in ViewFeatures."""
-    camera_roll: float
-    """Deg, -180 to 180: positive turns the camera clockwise."""
-    predicted_fov: float
-    """Deg, 1 to 170, vertical field of view by the network."""
-    metadata_fov: float | None = None
-    """Deg, 1 to 170, vertical field of view by the metadata. None: unknown."""
-    up_std: float = UP_STD
-    """Deg, standard deviation of the direction of up."""
 
     def with_features(self) -> ViewFeatures:
         """The same with its features; MissingExtraError without OpenCV."""
-        tilt, fovs = (self.camera_elevation, self.camera_roll), (self.predicted_fov, self.metadata_fov)
-        return ViewFeatures(detect_features(self.pixels), *tilt, *fovs, self.up_std)
+        known = {known.name: getattr(self, known.name) for known in fields(_CameraGuess)}
+        return ViewFeatures(**known, features=detect_features(self.pixels))
 
 
 @dataclass(frozen=True)

@@ -133,12 +133,12 @@ def test_a_clipped_sun_is_said(clipped_probe: Probe) -> None:
     assert clipped_probe.spot is not None
     assert clipped_probe.spot.clipped
     assert "clipped in every exposure" in clipped_probe.warnings[0]
-    assert not clipped_probe.estimated
+    assert clipped_probe.fit is None
 
 
 def test_a_filled_sun_is_marked_as_estimated(clipped_probe: Probe) -> None:
     probe = make_probe(bracket(fill=8.0), MORNING, BracketSettings(height=64, fill=True))
-    assert probe.estimated
+    assert probe.fit is not None
     assert "the sky around it tells" in probe.warnings[0]
     assert probe.fit is not None
     assert probe.fit.turbidity == pytest.approx(3.0, abs=0.3)

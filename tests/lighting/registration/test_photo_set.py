@@ -29,7 +29,7 @@ FOV = 52.0
 
 def views(*azimuths: float) -> list[View]:
     sphere = texture()
-    return [View(picture(sphere, (azimuth, 2.0, 0.0), FOV), 1.0, 0.0, 46.0) for azimuth in azimuths]
+    return [View(1.0, 0.0, 46.0, pixels=picture(sphere, (azimuth, 2.0, 0.0), FOV)) for azimuth in azimuths]
 
 
 OVERLAPPING = views(0.0, 25.0)
@@ -85,9 +85,9 @@ def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) 
 def test_the_largest_photos_with_the_most_features_fit_into_the_memory() -> None:
     noise = np.random.default_rng(0).integers(0, 256, (256, 256), dtype=np.uint8)
     large = np.repeat(np.kron(noise, np.ones((8, 8), np.uint8))[:2047, :2047, None], 3, axis=2)
-    assert {registered.heading for registered in register_views_isolated([View(large, 0.0, 0.0, 50.0)] * 2, 100.0)} == {
-        0.0
-    }
+    assert {
+        registered.heading for registered in register_views_isolated([View(0.0, 0.0, 50.0, pixels=large)] * 2, 100.0)
+    } == {0.0}
 
 
 def test_photos_that_end_the_process_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,7 +116,7 @@ TILTS = [(2.5, 0.5), (-4.0, 1.0), (3.5, -2.5)]  # deg, what a network says of th
 def shots(seed: int, cameras: list[Camera]) -> list[ViewFeatures]:
     sphere = texture(seed)
     features = [detect_features(picture(sphere, camera, FOV)) for camera in cameras]
-    return [ViewFeatures(f, *tilt, predicted_fov=46.0) for f, tilt in zip(features, TILTS, strict=False)]
+    return [ViewFeatures(*tilt, predicted_fov=46.0, features=f) for f, tilt in zip(features, TILTS, strict=False)]
 
 
 def test_overlapping_photos_get_their_headings_and_their_lens() -> None:
@@ -157,7 +157,7 @@ def test_a_zoomed_photo_has_a_lens_of_its_own() -> None:
     sphere, cameras, fovs = texture(0), [(0.0, 2.0, 0.0), (20.0, -3.0, 1.5), (9.0, 1.0, 0.0)], (FOV, FOV, 30.0)
     features = [detect_features(picture(sphere, camera, fov)) for camera, fov in zip(cameras, fovs, strict=True)]
     registered = register_views(
-        [ViewFeatures(f, *tilt, predicted_fov=46.0) for f, tilt in zip(features, TILTS, strict=True)]
+        [ViewFeatures(*tilt, predicted_fov=46.0, features=f) for f, tilt in zip(features, TILTS, strict=True)]
     )
     assert {p.group for p in registered} == {0}
     assert [p.heading for p in registered] == pytest.approx([0.0, 20.0, 9.0], abs=0.3)
@@ -194,8 +194,8 @@ def test_a_sheared_copy_takes_no_lens_beyond_all_numbers() -> None:
     )
     registered = register_views(
         [
-            ViewFeatures(detect_features(rolled), 89.0, 0.0, 50.0),
-            ViewFeatures(detect_features(sheared), -90.0, 180.0, 3.0),
+            ViewFeatures(89.0, 0.0, 50.0, features=detect_features(rolled)),
+            ViewFeatures(-90.0, 180.0, 3.0, features=detect_features(sheared)),
         ]
     )
     assert all(np.isfinite([p.heading, p.camera_elevation]).all() for p in registered)
