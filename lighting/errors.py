@@ -105,8 +105,8 @@ class LightingError(Exception):
 
     def __new__(cls, text: str = "", field: str | None = None, code: ErrorCode | None = None) -> Self:  # noqa: ARG004
         """Make an error, which about a wrong type is a TypeError, too."""
-        wanted = _TYPE_ERRORS.get(cls, cls) if code is ErrorCode.WRONG_TYPE else cls
-        return super().__new__(wanted, text)  # type: ignore[return-value]  # a subclass's
+        type_errors = [kind for kind in cls.__subclasses__() if issubclass(kind, TypeError)]
+        return super().__new__(type_errors[0] if type_errors and code is ErrorCode.WRONG_TYPE else cls, text)
 
     def __init__(self, text: str, field: str | None = None, code: ErrorCode | None = None) -> None:
         super().__init__(text)
@@ -260,15 +260,6 @@ class _EnvironmentMapTypeError(EnvironmentMapError, TypeError):
 
 class _SceneTypeError(SceneError, TypeError):
     """What is given is neither a scene nor where one is written."""
-
-
-_TYPE_ERRORS: dict[type[LightingError], type[LightingError]] = {
-    ParameterError: _ParameterTypeError,
-    PhotoError: _PhotoTypeError,
-    ModelError: _ModelTypeError,
-    EnvironmentMapError: _EnvironmentMapTypeError,
-    SceneError: _SceneTypeError,
-}
 
 
 def require_extra(module: str, need: str, extra: str, error: type[MissingExtraError] = MissingExtraError) -> ModuleType:

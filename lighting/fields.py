@@ -137,7 +137,12 @@ def option_name(field: str) -> str:
     return "--" + parameter_name(field).replace("_", "-")
 
 
-def _is_finite(value: object) -> TypeGuard[int | float]:
+def is_finite(value: object) -> TypeGuard[int | float]:
+    """Tell whether a value is a finite number.
+
+    Args:
+        value: any.
+    """
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:  # an integer of hundreds of digits
@@ -154,7 +159,7 @@ def check_range(field: str, value: object, low: float, high: float, subject: str
         high: largest allowed value, in the field's unit.
         subject: how the sentence begins; None is with the field's name.
     """
-    if not _is_finite(value):
+    if not is_finite(value):
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         predicate = f"must be a finite number, not {reprlib.repr(value)}."
         code = ErrorCode.OUT_OF_RANGE if is_number else ErrorCode.WRONG_TYPE

@@ -5,7 +5,6 @@ the photo: 24 x 18 for a landscape photo, 18 x 24 for an upright one.
 """
 
 import json
-import sys
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from functools import cached_property, lru_cache
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
-from lighting.fields import describe_fields
+from lighting.fields import describe_fields, is_finite
 from lighting.geometry import Floats, fit_in_box
 from lighting.records import Lighting
 from lighting.sun_grid import bayes_direction
@@ -129,9 +128,6 @@ def _linear_weights(count: int, cells: int, margin: float = 0.0) -> Floats:
     return weights
 
 
-_LARGEST = sys.float_info.max
-
-
 @dataclass(frozen=True)
 class ModelSpec:
     """A network's input, output layout and licence; stored as JSON in the ONNX file's metadata."""
@@ -161,7 +157,7 @@ class ModelSpec:
         for name in ("width", "height"):
             _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
         for name in ("mean", "std"):
-            _check_spec(name, len(getattr(self, name)) == 3 and all(map(_is_finite, getattr(self, name))))
+            _check_spec(name, len(getattr(self, name)) == 3 and all(map(is_finite, getattr(self, name))))
         _check_spec("std", min(self.std) > 0)
 
     def to_json(self) -> str:
@@ -308,10 +304,6 @@ def check_estimate(thing: object) -> None:
     if not isinstance(thing, EstimatedLight):
         sentence = f"An Estimate is needed, not {type(thing).__name__}; an Estimator makes one of a photo."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and -_LARGEST <= value <= _LARGEST
 
 
 def _check_spec(name: str, fits: bool) -> None:

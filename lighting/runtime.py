@@ -158,8 +158,7 @@ def keep_memory() -> None:
     By itself glibc takes each large buffer from the system and gives it back, in one heap per thread; taking fresh
     pages costs as much as filling them. What other heaps than the first have at their end, they never give back.
     """
-    keep = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if keep:  # musl has none
+    if keep := _glibc_function("mallopt"):
         for option, value in ((_M_ARENA_MAX, 1), (_M_TRIM_THRESHOLD, _KEPT), (_M_MMAP_THRESHOLD, _BUFFER)):
             keep(option, value)
 
@@ -180,9 +179,13 @@ def reserve_heap(blocks: int) -> None:
 
 def return_memory() -> None:
     """Give the system back what no heap uses, before one thread needs far more than another left; only glibc can."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
-    if trim:
+    if trim := _glibc_function("malloc_trim"):
         trim(0)
+
+
+def _glibc_function(name: str) -> Any:
+    """A function of glibc; None where the C library is another, as musl."""
+    return getattr(ctypes.CDLL(None), name, None) if sys.platform == "linux" else None
 
 
 def available_cpus() -> int:

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import is_finite
 
 Point = tuple[float, float]
 Line = tuple[float, float, float, float]
@@ -168,7 +169,7 @@ def check_line(line: object, field: str) -> None:
         line: what a caller passed as one.
         field: that it is for.
     """
-    if not isinstance(line, tuple) or len(line) != 4 or not all(map(_is_finite, line)):
+    if not isinstance(line, tuple) or len(line) != 4 or not all(map(is_finite, line)):
         sentence = "A line is four numbers: x and y of its two ends, in pixels."
         raise ParameterError(sentence, field, ErrorCode.WRONG_TYPE)
     if math.dist(line[:2], line[2:]) < _MIN_LINE_LENGTH:
@@ -201,7 +202,7 @@ def check_spot(spot: object) -> None:
     Args:
         spot: what a caller passed as one.
     """
-    if not isinstance(spot, tuple) or len(spot) != 2 or not all(map(_is_finite, spot)):
+    if not isinstance(spot, tuple) or len(spot) != 2 or not all(map(is_finite, spot)):
         raise ParameterError("A spot is two numbers: x and y, in pixels.", "spot", ErrorCode.WRONG_TYPE)
 
 
@@ -215,13 +216,9 @@ def check_reference(reference: object) -> None:
         sentence = "A reference is a Reference, or a text such as 310,820,305,400,1.8."
         raise ParameterError(sentence, "reference", ErrorCode.WRONG_TYPE)
     check_line((*reference.start, *reference.end), "reference")
-    if not (_is_finite(reference.meters) and 0.01 <= reference.meters <= 1000):
+    if not (is_finite(reference.meters) and 0.01 <= reference.meters <= 1000):
         sentence = f"A reference is 0.01 to 1000 meters long, not {reference.meters!r}."
         raise ParameterError(sentence, "reference", ErrorCode.OUT_OF_RANGE)
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,10 @@ import io
 import re
 import struct
 import zipfile
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
@@ -28,8 +27,6 @@ from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
 from lighting.scene.writer import Files, encode_shared_files, fill_template
 
 STAGE, SHOT_STAGE, DAY_STAGE, PACKAGE = "scene.usda", "shot.usda", "day.usda", "scene.usdz"
-
-ToStage = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
 _APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the meter
 _UP = np.array([0.0, 1.0, 0.0])
@@ -176,7 +173,7 @@ def _rows(matrix: Floats) -> str:
 
 def _values(scene: records.Scene, up_axis: str) -> dict[str, object]:
     """The values of the placeholders in data/scene.usda; lengths in metres."""
-    to_stage = partial(_to_stage, up_axis)
+    to_stage = to_z_up(np.eye(3)) if up_axis == "Z" else np.eye(3)  # from our frame, for row vectors
     return {
         "up_axis": up_axis,
         "environment": ENVIRONMENT,
@@ -189,16 +186,11 @@ def _values(scene: records.Scene, up_axis: str) -> dict[str, object]:
     }
 
 
-def _to_stage(up_axis: str, vectors: ArrayLike) -> NDArray[np.float64]:
-    rotated = to_z_up(np.asarray(vectors)) if up_axis == "Z" else vectors
-    return np.asarray(rotated, dtype=np.float64)
-
-
-def _camera_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
+def _camera_values(scene: records.Scene, to_stage: Floats) -> dict[str, str]:
     picture = _picture_corners(scene)
     return {
         "resolution": f"({scene.width}, {scene.height})",
-        "camera_matrix": _matrix(to_stage(scene.camera_matrix[:3].T)),
+        "camera_matrix": _matrix(scene.camera_matrix[:3].T @ to_stage),
         "focal_length": _number(scene.focal_length / _APERTURE_UNIT),
         "horizontal_aperture": _number(scene.sensor_width / _APERTURE_UNIT),
         "vertical_aperture": _number(scene.sensor_width * scene.height / scene.width / _APERTURE_UNIT),
@@ -208,11 +200,11 @@ def _camera_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
     }
 
 
-def _light_values(scene: records.Scene, to_stage: ToStage) -> dict[str, object]:
+def _light_values(scene: records.Scene, to_stage: Floats) -> dict[str, object]:
     color, intensity = color_and_intensity(scene.sun_irradiance)
     return {
-        "sky_matrix": _matrix(to_stage([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),
-        "sun_matrix": _matrix(to_stage(scene.sun_matrix[:3].T)),
+        "sky_matrix": _matrix(np.array([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]]) @ to_stage),
+        "sun_matrix": _matrix(scene.sun_matrix[:3].T @ to_stage),
         "sun_angle": _number(records.SUN_ANGLE),
         "sun_colour": _vector(color),
         "sun_intensity": _number(intensity),
@@ -221,31 +213,31 @@ def _light_values(scene: records.Scene, to_stage: ToStage) -> dict[str, object]:
     }
 
 
-def _ground_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
-    corners = to_stage(records.GROUND_RADIUS * np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]))
+def _ground_values(scene: records.Scene, to_stage: Floats) -> dict[str, str]:
+    corners = records.GROUND_RADIUS * np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) @ to_stage
     return {
         "ground_points": _vectors(corners),
         "ground_extent": _extent(corners),
-        "ground_normal": _vector(to_stage(_UP)),
+        "ground_normal": _vector(_UP @ to_stage),
         "ground_colour": _vector(scene.ground),
     }
 
 
-def _object_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
+def _object_values(scene: records.Scene, to_stage: Floats) -> dict[str, str]:
     placeholder = scene.placeholder
     corner = np.array([placeholder.stick_radius, placeholder.stick_height / 2, placeholder.stick_radius])
     return {
         "object_colour": _vector([records.PLACEHOLDER_ALBEDO] * 3),
-        "spot": _vector(to_stage(scene.spot)),
+        "spot": _vector(scene.spot @ to_stage),
         "spot_in_shade": str(int(scene.spot_in_shade)),
-        "ball_centre": _vector(to_stage(placeholder.ball_center)),
-        "contact_center": _vector(to_stage(scene.spot + placeholder.ball_center)),
+        "ball_centre": _vector(placeholder.ball_center @ to_stage),
+        "contact_center": _vector((scene.spot + placeholder.ball_center) @ to_stage),
         "ball_radius": _number(placeholder.ball_radius),
         "ball_extent": _extent(np.array([[-1.0] * 3, [1.0] * 3]) * placeholder.ball_radius),
-        "stick_centre": _vector(to_stage(placeholder.stick_center)),
+        "stick_centre": _vector(placeholder.stick_center @ to_stage),
         "stick_height": _number(placeholder.stick_height),
         "stick_radius": _number(placeholder.stick_radius),
-        "stick_extent": _extent(to_stage(np.stack([-corner, corner]))),
+        "stick_extent": _extent(np.stack([-corner, corner]) @ to_stage),
     }
 
 
