@@ -19,27 +19,48 @@ from lighting.version import __version__
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
-    from uvicorn import Config
 
     from server.connections import Listener
     from server.dependencies import Service
 
 
-_DRAIN_SECONDS = (
-    4.0  # for which a service behind a proxy goes on when it is told to end: longer than an idle connection
-)
-# of the Caddyfile is kept, so that no request meets the end of its connection
+# For which a service behind a proxy goes on when it is told to end: longer than an idle connection of the Caddyfile is
+# kept, so that no request meets the end of its connection.
+_DRAIN_SECONDS = 4.0
 _SWITCH_SECONDS = 0.001  # for which one thread may keep others waiting; Python's five times that delay short requests
 _DROP_SECONDS = 0.5  # before the end of a shutdown's time, answers that nobody takes are dropped
 
 
-def _run_until_signal(config: "Config", service: "Service", listeners: "list[Listener]") -> None:
+def _run_until_signal(app: "FastAPI", listeners: "list[Listener]") -> None:
     """Serve; running requests finish after a signal, but a SIGINT meanwhile ends the process at once.
 
     Behind a proxy new requests are taken for a while, each as the last of its connection: the proxy sends them until
     it finds nobody there.
     """
-    from uvicorn import Server
+    from uvicorn import Config, Server
+
+    from server.connections import BoundedProtocol
+    from server.limits import BACKLOG
+
+    service: Service = app.state.service
+    settings = service.settings
+    config = Config(
+        app,
+        host=settings.host,
+        port=settings.port,
+        loop="asyncio",  # uvloop, where it is installed, would read without the bounds of BoundedProtocol
+        workers=1,  # whatever WEB_CONCURRENCY says, which many hosts set: one process works on several photos
+        log_config=None,  # run_server has set it, since loading logs
+        access_log=False,
+        server_header=False,
+        proxy_headers=bool(settings.trusted_proxies),
+        forwarded_allow_ips=settings.trusted_proxies,
+        root_path=settings.root_path,
+        timeout_graceful_shutdown=settings.shutdown_seconds,
+        backlog=BACKLOG,
+        ws="none",
+        http=partial(BoundedProtocol, service=service),  # type: ignore[arg-type]  # which it calls alone
+    )
 
     class InterruptibleServer(Server):
         _interrupted = False  # by somebody who waits
@@ -56,12 +77,12 @@ def _run_until_signal(config: "Config", service: "Service", listeners: "list[Lis
 
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
             service.ending = True
-            if service.settings.trusted_proxies and not self._interrupted:
+            if settings.trusted_proxies and not self._interrupted:
                 await asyncio.sleep(_DRAIN_SECONDS)
             if sys.platform != "win32":
                 await self._stop_listening()
             loop = asyncio.get_running_loop()
-            loop.call_later(max(0.0, service.settings.shutdown_seconds - _DROP_SECONDS), service.pending.drop_all)
+            loop.call_later(max(0.0, settings.shutdown_seconds - _DROP_SECONDS), service.pending.drop_all)
             await super().shutdown(sockets)
 
         async def _stop_listening(self) -> None:
@@ -164,34 +185,7 @@ def run_server() -> None:
             sys.exit(str(error))
         for listener in listeners:
             listener.refuses = service.refuses_connection
-        _run_until_signal(_uvicorn_config(app, service), service, listeners)
-
-
-def _uvicorn_config(app: "FastAPI", service: "Service") -> "Config":
-    """How uvicorn runs the app."""
-    from uvicorn import Config
-
-    from server.connections import BoundedProtocol
-    from server.limits import BACKLOG
-
-    settings = service.settings
-    return Config(
-        app,
-        host=settings.host,
-        port=settings.port,
-        loop="asyncio",  # uvloop, where it is installed, would read without the bounds of BoundedProtocol
-        workers=1,  # whatever WEB_CONCURRENCY says, which many hosts set: one process works on several photos
-        log_config=None,  # run_server has set it, since loading logs
-        access_log=False,
-        server_header=False,
-        proxy_headers=bool(settings.trusted_proxies),
-        forwarded_allow_ips=settings.trusted_proxies,
-        root_path=settings.root_path,
-        timeout_graceful_shutdown=settings.shutdown_seconds,
-        backlog=BACKLOG,
-        ws="none",
-        http=partial(BoundedProtocol, service=service),  # type: ignore[arg-type]  # which it calls alone
-    )
+        _run_until_signal(app, listeners)
 
 
 def _format_setting_error(details: Mapping[str, Any]) -> str:

@@ -6,7 +6,6 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
-from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -23,7 +22,7 @@ from lighting.checksum import verify_checksums
 from lighting.errors import CodedWarning, LightingError, MissingExtraError, WarningCode
 from lighting.estimator import Estimator
 from lighting.fusion.user_input import UserInput
-from lighting.model import Model, packaged_model
+from lighting.model import Model
 from lighting.photo.reader import TARGET, Photo
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.photo_estimate import Estimate
@@ -189,11 +188,6 @@ class Service:
         """Name and version of the network, for the header; empty before it is loaded."""
         spec = self.loaded_estimator.model.spec if self.loaded_estimator else None
         return f"{spec.name} {spec.version}" if spec else ""
-
-    @property
-    def model_folder(self) -> Path:
-        """The folder of the network and its figures."""
-        return (self.settings.model or packaged_model()).parent
 
     def find_fault(self) -> ProblemError | None:
         """Why a new client's photo would be refused with 503, or a job wait in vain; None if all is well."""

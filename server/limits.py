@@ -310,7 +310,14 @@ class UploadLimiter:
             self._held.add(body.client, -1)
 
 
-class _UnsentAnswer(Protocol):
+class _OpenConnection(Protocol):
+    """A connection that may have to give way."""
+
+    def give_way(self) -> None:
+        """End at once."""
+
+
+class _UnsentAnswer(_OpenConnection, Protocol):
     """A connection whose client has not taken all of an answer."""
 
     def unsent_bytes(self) -> int:
@@ -321,9 +328,6 @@ class _UnsentAnswer(Protocol):
 
     def drop_answer(self) -> None:
         """End the connection, and say so in the log."""
-
-    def give_way(self) -> None:
-        """End the connection."""
 
 
 class PendingResponses:
@@ -379,13 +383,6 @@ class PendingResponses:
             log.info("dropped %d answers that their clients did not take in time", len(self._waiting))
         for answer in list(self._waiting):
             answer.give_way()
-
-
-class _OpenConnection(Protocol):
-    """A connection that may have to give way."""
-
-    def give_way(self) -> None:
-        """End at once."""
 
 
 class ConnectionLimiter:

@@ -289,17 +289,14 @@ class _BrowserGuardMiddleware(_Middleware):
         self.settings = settings
 
     async def _handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        error = self._find_error(scope, Headers(scope=scope))
-        app = self.app if error is None else await problems.problem_response(Request(scope), error)
-        await app(scope, receive, send)
-
-    def _find_error(self, scope: Scope, headers: Headers) -> ProblemError | None:
+        headers, kind = Headers(scope=scope), None
         host = _host_name(headers.get("host", ""))
         if not self._is_own_name(scope, headers, host):
-            return ProblemError(problems.WRONG_HOST)
-        if "*" not in self.settings.cors_origins and self._is_foreign(scope, headers, host):
-            return ProblemError(problems.FOREIGN_ORIGIN)
-        return None
+            kind = problems.WRONG_HOST
+        elif "*" not in self.settings.cors_origins and self._is_foreign(scope, headers, host):
+            kind = problems.FOREIGN_ORIGIN
+        app = await problems.problem_response(Request(scope), ProblemError(kind)) if kind else self.app
+        await app(scope, receive, send)
 
     def _is_own_name(self, scope: Scope, headers: Headers, host: str) -> bool:
         """Whether a request names a host that no stranger can let point here: an address, or one of the service's."""

@@ -496,13 +496,13 @@ def problem_responses(*statuses: int) -> dict[int | str, Json]:
     Args:
         statuses: HTTP statuses of 400 and above.
     """
-    return {status: _problem_documentation([kind for kind in KINDS if kind.status == status]) for status in statuses}
-
-
-def _problem_documentation(kinds: list[ProblemKind]) -> Json:
-    examples = {kind.name: {"value": problem_example(kind)} for kind in kinds}
-    content = {"schema": {"$ref": "#/components/schemas/Problem"}, "examples": examples}
-    return {"description": "; ".join(kind.title for kind in kinds), "content": {MEDIA_TYPE: content}}
+    responses: dict[int | str, Json] = {}
+    for status in statuses:
+        kinds = [kind for kind in KINDS if kind.status == status]
+        examples = {kind.name: {"value": problem_example(kind)} for kind in kinds}
+        content = {"schema": {"$ref": "#/components/schemas/Problem"}, "examples": examples}
+        responses[status] = {"description": "; ".join(kind.title for kind in kinds), "content": {MEDIA_TYPE: content}}
+    return responses
 
 
 def problem_example(kind: ProblemKind) -> Json:

@@ -1,7 +1,7 @@
 """The parameters in the URLs of requests, with units and ranges, and what they must fit together."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from datetime import date
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
@@ -189,14 +189,8 @@ class ViewQuery(Query):
     def view(self) -> MapOptions:
         """The same for the library."""
         names = option_texts(MapOptions).keys() & type(self).model_fields.keys()
-        values = {name: getattr(self, name) for name in names} | {"sun": self._sun_in_map()}
-        return MapOptions(**values, adjustments=self._adjustments())
-
-    def _sun_in_map(self) -> bool | None:
-        return self.sun
-
-    def _adjustments(self) -> Adjustments:
-        return Adjustments()
+        is_moved = isinstance(self.sun, tuple)  # as AdjustQuery lets it; then it is painted
+        return MapOptions(**{name: getattr(self, name) for name in names} | {"sun": is_moved or self.sun})
 
 
 @with_options(MapOptions, without=("sun", "around", "backdrop"))
@@ -247,13 +241,11 @@ class AdjustQuery(ViewQuery):
         description=f"AZIMUTH,ELEVATION in deg moves the sun; false leaves it out; true turns it on; {SUN_BY_DEFAULT}",
     )
 
-    def _sun_in_map(self) -> bool | None:
-        """Whether the sun is painted; one that was moved is."""
-        return True if isinstance(self.sun, tuple) else self.sun
-
-    def _adjustments(self) -> Adjustments:
+    def view(self) -> MapOptions:
+        """The same for the library."""
         sun = self.sun if isinstance(self.sun, tuple) else None
-        return Adjustments(sun, **{name: getattr(self, name) for name in option_texts(Adjustments)})
+        changes = {name: getattr(self, name) for name in option_texts(Adjustments)}
+        return replace(super().view(), adjustments=Adjustments(sun, **changes))
 
 
 class _EditQuery(_IrradianceQuery):

@@ -193,13 +193,11 @@ class RequestBody:
 
     async def _read_photo(self, listed: str) -> bytes:
         """A body of another type that begins as a photo does; ProblemError for any other, before all of it has come."""
-        data, checked = bytearray(), False
+        data = bytearray()
         async for chunk in self._chunks(self.max_bytes):
             data += chunk
-            if len(data) >= HEAD_BYTES and not checked:
-                checked = True
-                if not begins_as_photo(bytes(data[:HEAD_BYTES])):
-                    break
+            if len(data) >= HEAD_BYTES and not begins_as_photo(bytes(data[:HEAD_BYTES])):
+                break
         if not begins_as_photo(bytes(data[:HEAD_BYTES])):
             raise _unsupported_type(listed, PHOTO_FIELD)
         return bytes(data)

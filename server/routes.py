@@ -17,7 +17,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from lighting.fields import Json
 from lighting.files import MAP_FORMATS
-from lighting.model import METRICS
+from lighting.model import METRICS, packaged_model
 from lighting.prediction import ModelSpec
 from lighting.record_json import record_with_coefficients
 from lighting.records import Lighting
@@ -263,7 +263,7 @@ async def _describe_model(request: Request, service: ServiceDep) -> Response:
         version=spec.version,
         licence=spec.licence,
         grid=spec.sun_grid,
-        accuracy=_read_accuracy(spec, service.model_folder),
+        accuracy=_read_accuracy(spec, service.settings.model or packaged_model()),
         matching=features.has_opencv(),
         jobs=service.jobs is not None,
         scene_tools=list(EXPORTERS),
@@ -337,9 +337,9 @@ async def _answer_from_cache(
     return response
 
 
-def _read_accuracy(spec: ModelSpec, folder: Path) -> Json:
+def _read_accuracy(spec: ModelSpec, network: Path) -> Json:
     """The accuracy of a network by evaluation protocol; empty if it has no published figures."""
-    path = folder / METRICS
+    path = network.with_name(METRICS)
     metrics = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     is_of_network = (metrics.get("name"), metrics.get("version")) == (spec.name, spec.version)
     return dict(metrics["accuracy"]) if is_of_network else {}
