@@ -85,12 +85,10 @@ def run_worker() -> None:
     except MemoryError:
         _answer(answers, {"error": "The job needs more memory than it may have.", "code": "unreadable"})
     except Exception as error:
+        told = {"log": escape_undecodable(traceback.format_exc())[-_MAX_LOG:]}
         if isinstance(error, OSError) and error.errno in DISK_FULL:
-            _answer(
-                answers, {"error": "The job needs more disk than it may have, or than there is.", "code": "unreadable"}
-            )
-            return
-        _answer(answers, {"log": escape_undecodable(traceback.format_exc())[-_MAX_LOG:]})
+            told = {"error": "The job needs more disk than it may have, or than there is.", "code": "unreadable"}
+        _answer(answers, told)
 
 
 def _as_words(text: str) -> str:
