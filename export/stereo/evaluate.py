@@ -33,6 +33,7 @@ SEASONS = {
 }
 
 _ALBEDO = 0.6
+_NOISE = 0.01  # standard deviation, of the brightest pixel
 _GAP = 8  # pixels between shapes
 
 
@@ -44,19 +45,14 @@ class Trial:
     shadows: bool = False  # whether the surface shades itself from the sun
     gloss: float = 0.0
     color: bool = False  # three channels in place of one
-    noise: float = 0.01  # standard deviation, of the brightest pixel
     heading_error: float = 0.0  # deg
-    clock_error: float = 0.0  # min
-    turbidity_error: float = 0.0
     fitted: bool = False  # whether the turbidity is fitted to the photos
     drift: float = 0.0  # share by which the last photo is darker than its EXIF says, the others in proportion
 
     def believed(self) -> CaptureDay:
         """The day as its photographer believes it to be."""
-        day = self.day
-        late = np.timedelta64(round(60 * self.clock_error), "s")
-        pose = replace(day.pose, heading=day.pose.heading + self.heading_error)
-        return replace(day, times=day.times + late, turbidity=day.turbidity + self.turbidity_error, pose=pose)
+        pose = replace(self.day.pose, heading=self.day.pose.heading + self.heading_error)
+        return replace(self.day, pose=pose)
 
 
 @dataclass(frozen=True)
@@ -110,8 +106,9 @@ def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | No
     mask = np.zeros(sheet.shape[1:3], dtype=bool)
     for subject, window in zip(subjects, windows, strict=True):
         mask[window] = subject.surface.mask
-    noise = np.random.default_rng(7).normal(0, trial.noise * sheet.max(), sheet.shape).astype(np.float32)
-    images = np.maximum(sheet + noise, 0) * _exposure_drift(trial, len(sheet))
+    noise = np.random.default_rng(7).normal(0, _NOISE * sheet.max(), sheet.shape).astype(np.float32)
+    gain = np.linspace(1, 1 - trial.drift, len(sheet), dtype=np.float32)
+    images = np.maximum(sheet + noise, 0) * gain[:, None, None, None]
 
     def solver_input(turbidity: float, height: int = 32) -> Session:
         skies = replace(believed, turbidity=turbidity).skies(height)
@@ -122,10 +119,6 @@ def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | No
     both = add_model_error(alone if network is None else apply_network(alone, network, planes))
     placed = zip(subjects, windows, strict=True)
     return [_Result(s, alone.normal[at], both.normal[at], both.error[at]) for s, at in placed]
-
-
-def _exposure_drift(trial: Trial, count: int) -> Image:
-    return np.linspace(1, 1 - trial.drift, count, dtype=np.float32)[:, None, None, None]
 
 
 def _side_by_side(pictures: list[Image]) -> tuple[Image, list[tuple[slice, slice]]]:
@@ -229,19 +222,13 @@ def _expected(shapes: Sequence[Subject], network: Network, say: Say) -> None:
     say("| What is wrong | " + " | ".join(SEASONS) + " |")
     say("|" + "---|" * (1 + len(SEASONS)))
     for name, change in _UNEXPECTED.items():
-        results = [run_session(shapes, _trial(season, change), network) for season in range(len(SEASONS))]
-        _row((name,), [_means(season) for season in results], say)
-
-
-def _means(results: Sequence[_Result]) -> str:
-    true = np.concatenate([result.errors()[1] for result in results])
-    expected = np.concatenate([result.expected[result.subject.surface.mask] for result in results])
-    return f"{true.mean():.0f}, {expected.mean():.0f}"
-
-
-def _trial(season: int, change: dict[str, Any]) -> Trial:
-    """A season's trial with some of its fields."""
-    return Trial(list(SEASONS.values())[season], **change)
+        cells = []
+        for day in SEASONS.values():
+            results = run_session(shapes, Trial(day, **change), network)
+            true = np.concatenate([result.errors()[1] for result in results])
+            expected = np.concatenate([result.expected[result.subject.surface.mask] for result in results])
+            cells.append(f"{true.mean():.0f}, {expected.mean():.0f}")
+        _row((name,), cells, say)
 
 
 def _cell(results: Sequence[_Result]) -> str:

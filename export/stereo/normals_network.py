@@ -38,9 +38,9 @@ class NormalsNetwork(nn.Module):
         nn.init.zeros_(self.head.weight)
         self.head.bias.data.zero_() if self.head.bias is not None else None
 
-    def forward(self, by_image: Tensor, present: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
-        """From planes (N, T, BY_IMAGE, H, W) of which (N, T) are present, 1 or 0, and (N, SHARED, H, W)."""
-        code = self._pooled(by_image, present)
+    def forward(self, by_image: Tensor, shared: Tensor, present: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """From planes (N, T, BY_IMAGE, H, W) and (N, SHARED, H, W); of (N, T) images 1 is present, 0 not. None: all."""
+        code = self._pooled(by_image, torch.ones_like(by_image[:, :, 0, 0, 0]) if present is None else present)
         x = torch.cat([code, shared], dim=1)
         kept = []
         for block in self.down:
@@ -72,16 +72,3 @@ def _pair(inputs: int, width: int, *, stride: int = 1, deep: bool = False) -> nn
     if deep:
         layers += [nn.Conv2d(width, width, 3, padding=1), nn.LeakyReLU(0.1, inplace=True)]
     return nn.Sequential(*layers)
-
-
-class ServedNormals(nn.Module):
-    """The network where every image is present."""
-
-    def __init__(self, network: NormalsNetwork) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, by_image: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
-        """Normals and errors of planes (1, T, BY_IMAGE, H, W) and (1, SHARED, H, W)."""
-        normal, error = self.network(by_image, torch.ones_like(by_image[:, :, 0, 0, 0]), shared)
-        return normal, error

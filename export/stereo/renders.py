@@ -5,9 +5,8 @@ itself; the ground below the horizon lights it.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,23 +126,17 @@ def shade_surface(
         quick: take the skies' light from the nearest of _GRID normals, within half a per cent.
     """
     world = camera_to_world(normals, pose).astype(np.float32)
-    by_sky = _quick_sky(skies, normals, pose) if quick else _exact_sky(skies, world)
+    if quick:
+        grid = sample_visible_normals(_GRID)
+        light = sky_light_vectors(skies.radiance, camera_to_world(grid, pose))[(normals @ grid.T).argmax(axis=1)]
+        by_sky = np.einsum("ptjc,pj->ptc", light, camera_to_world(normals, pose))
+    else:
+        by_sky = np.einsum("ptjc,pj->ptc", sky_light_vectors(skies.radiance, world), world)
     vectors = sun_light_vectors(skies.sun_direction, skies.sun_irradiance, world)
     sun = np.maximum(np.einsum("ptjc,pj->ptc", vectors, world), 0)
     diffuse = material.albedo[:, None, None] * by_sky
     direct = material.albedo[:, None, None] * sun + _gloss(normals, skies, pose, material)
     return np.asarray(diffuse + (direct if lit is None else direct * lit[..., None]), dtype=np.float32)
-
-
-def _exact_sky(skies: Skies, world: FloatImage) -> Floats:
-    return np.asarray(np.einsum("ptjc,pj->ptc", sky_light_vectors(skies.radiance, world), world))
-
-
-def _quick_sky(skies: Skies, normals: FloatImage, pose: Pose) -> Floats:
-    grid = sample_visible_normals(_GRID)
-    light = sky_light_vectors(skies.radiance, camera_to_world(grid, pose))
-    nearest = (normals @ grid.T).argmax(axis=1)
-    return np.asarray(np.einsum("ptjc,pj->ptc", light[nearest], camera_to_world(normals, pose)))
 
 
 def _gloss(normals: FloatImage, skies: Skies, pose: Pose, material: Material) -> Floats:
@@ -188,15 +181,10 @@ def read_subjects(data: Path, step: int = 1) -> Iterator[Subject]:
             yield _thinned(_scanned(data / "scanned_objects" / name), step)
     for file in sorted((data / "meshes").glob("*.obj")):
         if is_held_out(file):
-            yield from (_thinned(subject, step) for subject in _views(file))
-
-
-def _views(file: Path) -> Iterator[Subject]:
-    """Two views of a mesh, the same every time."""
-    rng, mesh = np.random.default_rng(0), read_mesh(file)
-    for number in (1, 2):
-        view = project_mesh(mesh, random_rotation(rng), _VIEW_SIDE, rng)
-        yield Subject(f"{file.stem} {number}", "held-out meshes", view)
+            rng, mesh = np.random.default_rng(0), read_mesh(file)  # two views of it, the same every time
+            for number in (1, 2):
+                view = project_mesh(mesh, random_rotation(rng), _VIEW_SIDE, rng)
+                yield _thinned(Subject(f"{file.stem} {number}", "held-out meshes", view), step)
 
 
 def _scanned(folder: Path) -> Subject:
@@ -210,18 +198,15 @@ def _scanned(folder: Path) -> Subject:
     height = np.where(mask, -depth / scale, np.nan).astype(np.float32)
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     window = tuple(slice(max(0, inside[0] - _MARGIN), inside[-1] + 1 + _MARGIN) for inside in (rows, columns))
-    whole = Surface(np.asarray(normals * mask[..., None], dtype=np.float32), height, mask)
-    return Subject(folder.name, "scanned objects", _cut(whole, window), scale)
-
-
-def _cut(surface: Surface, window: Any) -> Surface:
-    return Surface(surface.normals[window], surface.height[window], surface.mask[window])
+    inside = Surface(np.asarray(normals * mask[..., None], dtype=np.float32)[window], height[window], mask[window])
+    return Subject(folder.name, "scanned objects", inside, scale)
 
 
 def _thinned(subject: Subject, step: int) -> Subject:
     """Every `step`th pixel each way; heights stay in pixels."""
     if step == 1:
         return subject
-    part = _cut(subject.surface, (slice(None, None, step), slice(None, None, step)))
-    smaller = Surface(part.normals, np.asarray(part.height / step, dtype=np.float32), part.mask)
-    return Subject(subject.name, subject.group, smaller, subject.scale * step)
+    part, surface = np.s_[::step, ::step], subject.surface
+    height = np.asarray(surface.height[part] / step, dtype=np.float32)
+    smaller = Surface(surface.normals[part], height, surface.mask[part])
+    return replace(subject, surface=smaller, scale=subject.scale * step)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -22,8 +21,9 @@ from export.stereo.surfaces import (
     read_mesh,
     rotate_surface,
 )
-from lighting.stereo.normal_network import BY_IMAGE, SHARED, normal_features
-from lighting.stereo.normal_search import Candidates, Pose, make_candidates, search_normals, world_to_camera
+from lighting.geometry import Floats
+from lighting.stereo.normal_network import BY_IMAGE, SHARED, NormalFeatures, normal_features
+from lighting.stereo.normal_search import Pose, make_candidates, search_normals, world_to_camera
 
 HELD_OUT_LATITUDES = ((33.0, 37.0), (45.0, 49.0))  # deg; training days are elsewhere
 IMAGES = 8
@@ -39,24 +39,19 @@ def random_day(rng: np.random.Generator) -> CaptureDay:
         rng: draws the day.
     """
     while True:
-        day = _draw(rng)
-        elevation = np.degrees(np.arcsin(day.suns()[:, 1]))
-        if elevation.min() > _MIN_SUN_ELEVATION:
-            return day
-
-
-def _draw(rng: np.random.Generator) -> CaptureDay:
-    count = IMAGES if rng.random() < 0.7 else int(rng.integers(3, IMAGES + 1))
-    hours = np.linspace(rng.uniform(7.5, 10.5), rng.uniform(13.5, 16.5), count) + rng.normal(0, 0.1, count)
-    date = np.datetime64("2024-01-01") + rng.integers(366).astype("timedelta64[D]")
-    latitude = rng.uniform(*_LATITUDES)
-    while any(low <= abs(latitude) <= high for low, high in HELD_OUT_LATITUDES):
+        count = IMAGES if rng.random() < 0.7 else int(rng.integers(3, IMAGES + 1))
+        hours = np.linspace(rng.uniform(7.5, 10.5), rng.uniform(13.5, 16.5), count) + rng.normal(0, 0.1, count)
+        date = np.datetime64("2024-01-01") + rng.integers(366).astype("timedelta64[D]")
         latitude = rng.uniform(*_LATITUDES)
-    sunny = 0.0 if latitude > 0 else 180.0  # the camera that sees the lit side looks to the pole
-    heading = sunny + rng.normal(0, 40) if rng.random() < 0.6 else rng.uniform(0, 360)
-    pose = Pose(heading, rng.normal(0, 10) if rng.random() < 0.5 else 0.0)
-    turbidity, ground = rng.uniform(2, 7), rng.uniform(0.1, 0.4)
-    return CaptureDay(utc_times(str(date), hours), latitude, turbidity=turbidity, ground_albedo=ground, pose=pose)
+        while any(low <= abs(latitude) <= high for low, high in HELD_OUT_LATITUDES):
+            latitude = rng.uniform(*_LATITUDES)
+        sunny = 0.0 if latitude > 0 else 180.0  # the camera that sees the lit side looks to the pole
+        heading = sunny + rng.normal(0, 40) if rng.random() < 0.6 else rng.uniform(0, 360)
+        pose = Pose(heading, rng.normal(0, 10) if rng.random() < 0.5 else 0.0)
+        haze, ground = rng.uniform(2, 7), rng.uniform(0.1, 0.4)
+        day = CaptureDay(utc_times(str(date), hours), latitude, turbidity=haze, ground_albedo=ground, pose=pose)
+        if np.degrees(np.arcsin(day.suns()[:, 1])).min() > _MIN_SUN_ELEVATION:
+            return day
 
 
 def believed_day(day: CaptureDay, rng: np.random.Generator) -> CaptureDay:
@@ -147,7 +142,10 @@ def _crop_samples(surface: Surface, day: CaptureDay, rng: np.random.Generator) -
     skies, believed = day.skies(_SKY_HEIGHT), believed_day(day, rng)
     table = make_candidates(believed.skies(_SKY_HEIGHT), believed.pose, _SEARCHED)
     shadows, glossy, color = rng.random() < 0.6, rng.random() < 0.4, rng.random() < 0.3
-    table = table if color else _grey(table)
+    if not color:  # pictures of one channel, the mean of the three
+        light, brightness = table.light.mean(axis=-1, keepdims=True), table.brightness.mean(axis=0, keepdims=True)
+        table = replace(table, light=light, brightness=brightness)
+    suns = world_to_camera(believed.suns(), believed.pose)
     noise = float(np.exp(rng.normal(np.log(0.01), 0.5)))
     for window in _windows(surface, rng):
         mask = surface.mask[window]
@@ -158,13 +156,10 @@ def _crop_samples(surface: Surface, day: CaptureDay, rng: np.random.Generator) -
         material = Material(_albedo(surface.mask.shape, rng)[window][mask], gloss, rng.uniform(8, 60))
         images = shade_surface(normals, skies, day.pose, material, lit, quick=True)
         images = images if color else images.mean(axis=2, keepdims=True)
-        yield _sample(images, mask, normals, (table, world_to_camera(believed.suns(), believed.pose), noise), rng)
-
-
-def _grey(table: Candidates) -> Candidates:
-    """The same candidates for pictures of one channel, the mean of the three."""
-    light, brightness = table.light.mean(axis=-1, keepdims=True), table.brightness.mean(axis=0, keepdims=True)
-    return replace(table, light=light, brightness=brightness)
+        pixel_std = noise * float(images.max())
+        noisy = np.maximum(images + rng.normal(0, pixel_std, images.shape), 0).astype(np.float32)
+        planes = normal_features(noisy, mask, suns, search_normals(noisy, table, pixel_std), pixel_std)
+        yield _sample(planes, mask, normals, suns)
 
 
 def _windows(surface: Surface, rng: np.random.Generator) -> Iterator[tuple[slice, slice]]:
@@ -190,16 +185,7 @@ def _albedo(shape: tuple[int, ...], rng: np.random.Generator) -> Image:
     return np.asarray(np.clip(patches, 0.1, 0.95), dtype=np.float32)
 
 
-_SearchInput = tuple[Candidates, NDArray[Any], float]  # table, suns, standard deviation of the noise
-
-
-def _sample(
-    images: Image, mask: NDArray[np.bool_], normals: Image, search_input: _SearchInput, rng: np.random.Generator
-) -> NormalsSample:
-    table, suns, noise_std = search_input
-    pixel_std = noise_std * float(images.max())
-    noisy = np.maximum(images + rng.normal(0, pixel_std, images.shape), 0).astype(np.float32)
-    planes = normal_features(noisy, mask, suns, search_normals(noisy, table, pixel_std), pixel_std)
+def _sample(planes: NormalFeatures, mask: NDArray[np.bool_], normals: Image, suns: Floats) -> NormalsSample:
     truth = np.zeros((3, *mask.shape), dtype=np.float16)
     truth[:, mask] = normals.T
     count = len(planes.by_image)
@@ -217,17 +203,13 @@ def batch_samples(chosen: list[NormalsSample], *, mirrored: bool = False) -> Bat
         chosen: N samples.
         mirrored: left and right change places, in the pictures and in all directions.
     """
-    by_image = torch.from_numpy(np.stack([s.by_image for s in chosen])).float()
-    suns = torch.from_numpy(np.stack([s.suns for s in chosen]))
-    shared = torch.from_numpy(np.stack([s.shared for s in chosen])).float()
-    truth = torch.from_numpy(np.stack([s.truth for s in chosen])).float()
+    stacked = (np.stack([getattr(s, name) for s in chosen]) for name in ("by_image", "suns", "shared", "truth"))
+    by_image, suns, shared, truth = (torch.from_numpy(values).float() for values in stacked)
     present = torch.tensor([[1.0] * s.count + [0.0] * (len(s.suns) - s.count) for s in chosen])
     planes = suns[..., None, None] * shared[:, None, -1:]
     by_image = torch.cat([by_image, planes], dim=2)
-    return (by_image, present, shared, truth) if not mirrored else _mirrored(by_image, present, shared, truth)
-
-
-def _mirrored(by_image: Tensor, present: Tensor, shared: Tensor, truth: Tensor) -> Batch:
+    if not mirrored:
+        return by_image, present, shared, truth
     by_image, shared, truth = (planes.flip(-1) for planes in (by_image, shared, truth))
     by_image[:, :, 3] *= -1
     signs = torch.ones(SHARED)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
+from lighting.registration.rotations import cross_matrix
 
 Image = NDArray[np.float32]
 TriangleMesh = tuple[Image, NDArray[np.intp]]  # vertices (V, 3) and triangles (F, 3)
@@ -125,14 +126,9 @@ def random_rotation(rng: np.random.Generator) -> Floats:
     References:
         [1] Shoemake, Uniform Random Rotations, Graphics Gems III, 1992.
     """
-    w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    quaternion = (q := rng.normal(size=4)) / np.linalg.norm(q)
+    cross = cross_matrix(quaternion[1:])
+    return np.asarray(np.eye(3) + 2 * (quaternion[0] * cross + cross @ cross))
 
 
 def surface_from_height(height: Image, mask: NDArray[np.bool_]) -> Surface:

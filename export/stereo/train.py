@@ -21,7 +21,7 @@ from torch import Tensor
 from export.data.panoramas import DataError
 from export.networks.onnx_export import add_metadata, check_parity, trace_onnx
 from export.networks.weights import CHECKPOINT, read_checkpoint
-from export.stereo.normals_network import NormalsNetwork, ServedNormals
+from export.stereo.normals_network import NormalsNetwork
 from export.stereo.samples import NormalsSample, batch_samples, generate_samples, read_meshes
 from lighting.files import atomic_write
 from lighting.stereo.normal_network import BY_IMAGE, SHARED, Network, NormalFeatures
@@ -102,7 +102,7 @@ def _step(run: _Run, chosen: list[NormalsSample], config: Config, *, mirrored: b
         group["lr"] = config.learning_rate * warm * (0.51 + 0.5 * math.cos(math.pi * share))
     by_image, present, shared, truth = batch_samples(chosen, mirrored=mirrored)
     with torch.autocast("cpu", dtype=torch.bfloat16, enabled=config.halves):
-        normal, error = run.network(by_image, present, shared)
+        normal, error = run.network(by_image, shared, present)
     mask = shared[:, -1]
     chord = torch.sqrt(((normal - truth) ** 2).sum(dim=1) + 1e-6)
     loss = _mean(chord, mask) + 0.1 * _mean(chord.detach() / error[:, 0] + torch.log(error[:, 0]), mask)
@@ -111,7 +111,9 @@ def _step(run: _Run, chosen: list[NormalsSample], config: Config, *, mirrored: b
     torch.nn.utils.clip_grad_norm_(run.network.parameters(), 1.0)
     run.optimiser.step()
     run.step += 1
-    _remember(run)
+    memory = min(_MEMORY, 1 - 1 / (run.step + 1))
+    for name, value in run.network.state_dict().items():
+        run.average[name].lerp_(value, 1 - memory)
     searched = torch.sqrt(((shared[:, :3] - truth) ** 2).sum(dim=1) + 1e-6)
     return {"loss": float(loss.detach()), "network": _degrees(chord, mask), "search": _degrees(searched, mask)}
 
@@ -122,12 +124,6 @@ def _mean(value: Tensor, mask: Tensor) -> Tensor:
 
 def _degrees(chord: Tensor, mask: Tensor) -> float:
     return float(_mean(torch.rad2deg(2 * torch.asin((chord.detach() / 2).clamp(max=1))), mask))
-
-
-def _remember(run: _Run) -> None:
-    memory = min(_MEMORY, 1 - 1 / (run.step + 1))
-    for name, value in run.network.state_dict().items():
-        run.average[name].lerp_(value, 1 - memory)
 
 
 def _resumed(folder: Path, config: Config) -> _Run:
@@ -200,21 +196,17 @@ def export_normals(run: Path, target: Path, version: str) -> float:
     network = averaged_normals_network(run)
     target.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(target) as path:
-        model = _trace(ServedNormals(network).eval())
+        side, moments = torch.export.Dim("side", min=2, max=4096), torch.export.Dim("moments", min=2, max=512)
+        tall = torch.export.Dim("tall", min=2, max=4096)
+        shapes = {"by_image": {1: moments, 3: 8 * tall, 4: 8 * side}, "shared": {2: 8 * tall, 3: 8 * side}}
+        examples = {"by_image": torch.zeros(1, 8, BY_IMAGE, 32, 48), "shared": torch.ones(1, SHARED, 32, 48)}
+        model = trace_onnx(network, examples, ["normal", "error"], shapes, _OPSET)
         known = {"name": "normals", "version": version, "license": "Apache-2.0"}
         known["training"] = json.dumps(json.loads((run / "config.json").read_text()) | {"out": "", "meshes": ""})
         add_metadata(model, known)
         onnx.checker.check_model(model)
         onnx.save_model(model, str(path), save_as_external_data=False)
         return check_parity(_parity(network, path), EXPORT_TOLERANCE)
-
-
-def _trace(served: ServedNormals) -> Any:
-    side, moments = torch.export.Dim("side", min=2, max=4096), torch.export.Dim("moments", min=2, max=512)
-    tall = torch.export.Dim("tall", min=2, max=4096)
-    shapes = {"by_image": {1: moments, 3: 8 * tall, 4: 8 * side}, "shared": {2: 8 * tall, 3: 8 * side}}
-    examples = {"by_image": torch.zeros(1, 8, BY_IMAGE, 32, 48), "shared": torch.ones(1, SHARED, 32, 48)}
-    return trace_onnx(served, examples, ["normal", "error"], shapes, _OPSET)
 
 
 def _parity(network: NormalsNetwork, path: Path) -> float:
@@ -224,7 +216,7 @@ def _parity(network: NormalsNetwork, path: Path) -> float:
     shared = rng.normal(0, 0.5, (SHARED, 56, 72)).astype(np.float32)
     shared[-1] = 1
     with torch.inference_mode():
-        expected = ServedNormals(network)(torch.from_numpy(by_image)[None], torch.from_numpy(shared)[None])
+        expected = network(torch.from_numpy(by_image)[None], torch.from_numpy(shared)[None])
     normal, error = Network.load(path, threads=1).predict(NormalFeatures(by_image, shared))
     answer = (np.moveaxis(normal, -1, 0), np.radians(error))
     return float(max(np.abs(a[0].numpy() - b).max() for a, b in zip(expected, answer, strict=True)))

@@ -280,8 +280,8 @@ def _score_windows(windows: _Windows, light: Floats, normals: Floats) -> tuple[F
         normals: (N, 3) unit vectors.
 
     Returns:
-        Medians (W,) over normals and draws of the clouds, per unit of the skies' radiance, inf where hopeless: expected
-        turn of the normal [rad] per unit of noise, and lambda_max.
+        Expected turns of the normal [rad] (W,) per unit of noise, and lambda_max (W,). Both are medians over normals
+        and draws of the clouds, per unit of the skies' radiance, and infinite where nothing is resolved.
     """
     step = max(1, _CHUNK // (len(windows.moments) * len(normals)))
     std, gain = np.empty(len(windows)), np.empty(len(windows))

@@ -57,10 +57,8 @@ def test_a_session_of_two_shapes_in_june_meets_the_target_of_the_search() -> Non
 
 def test_a_photographer_is_told_wrong_what_a_trial_says() -> None:
     day = SEASONS["47° N, June"]
-    believed = Trial(day, heading_error=2.0, clock_error=5.0, turbidity_error=-1.0).believed()
+    believed = Trial(day, heading_error=2.0).believed()
     assert believed.pose.heading == day.pose.heading + 2
-    assert (believed.times - day.times == np.timedelta64(300, "s")).all()
-    assert believed.turbidity == day.turbidity - 1
     assert believed.latitude == day.latitude
 
 

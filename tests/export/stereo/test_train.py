@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from export.data.panoramas import DataError
-from export.stereo.normals_network import NormalsNetwork, ServedNormals
+from export.stereo.normals_network import NormalsNetwork
 from export.stereo.renders import CaptureDay, utc_times
 from export.stereo.samples import CROP, HELD_OUT_LATITUDES, batch_samples, believed_day, generate_samples, random_day
 from export.stereo.train import EXPORT_TOLERANCE, Config, _parity, averaged_normals_network, train_normals
@@ -22,7 +22,7 @@ def test_a_fresh_network_repeats_the_search_and_mirrors_with_its_input() -> None
     by_image, present, shared, _ = batch_samples(chosen)
     network = NormalsNetwork().eval()
     with torch.inference_mode():
-        normal, error = network(by_image, present, shared)
+        normal, error = network(by_image, shared, present)
     inside = shared[:, -1] > 0
     cosine = (normal * shared[:, :3]).sum(dim=1)[inside]
     assert float(cosine.median()) > 0.98
@@ -80,7 +80,7 @@ def test_what_is_served_has_every_image() -> None:
     network = NormalsNetwork().eval()
     by_image, shared = torch.randn(1, 4, BY_IMAGE, 16, 16), torch.rand(1, SHARED, 16, 16)
     with torch.inference_mode():
-        served, whole = ServedNormals(network)(by_image, shared), network(by_image, torch.ones(1, 4), shared)
+        served, whole = network(by_image, shared), network(by_image, shared, torch.ones(1, 4))
     assert torch.equal(served[0], whole[0])
     assert torch.equal(served[1], whole[1])
 
