@@ -245,13 +245,13 @@ def read_envmap(file: str | os.PathLike[str]) -> "Image":
     import numpy as np
 
     from lighting.color import check_envmap
-    from lighting.files.exr import read_exr, read_map_bytes
-    from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
+    from lighting.files.exr import read_map_bytes
+    from lighting.files.radiance_hdr import HDR_MAGIC
 
     data = read_map_bytes(file)
     try:
         is_hdr = data.startswith(HDR_MAGIC) or os.fspath(file).lower().endswith(".hdr")
-        image = check_envmap(decode_hdr(data) if is_hdr else read_exr(io.BytesIO(data))[0])
+        image = check_envmap(_read_hdr(data) if is_hdr else _read_exr(data))
         if not np.isfinite(image).all():
             raise EnvironmentMapError("The map holds values that are not finite numbers.")
     except EnvironmentMapError as error:

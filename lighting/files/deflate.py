@@ -97,12 +97,11 @@ def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16], texts: Mapping[st
         (b"IDAT", b"".join(stream) + adler.to_bytes(4, "big")),
         (b"IEND", b""),
     ]
-    framed = (struct.pack(">I", len(data)) + kind + data + _crc(kind + data) for kind, data in chunks)
+    framed = (
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", packer.crc32(kind + data))
+        for kind, data in chunks
+    )
     return b"\x89PNG\r\n\x1a\n" + b"".join(framed)
-
-
-def _crc(data: bytes) -> bytes:
-    return int(packer.crc32(data)).to_bytes(4, "big")
 
 
 def _pack_band(rows: NDArray[np.uint8], start: int, stop: int) -> tuple[bytes, int, int]:

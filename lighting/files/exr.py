@@ -171,7 +171,12 @@ def write_exr(
     if colours is not None:
         warn_of_old_name("lighting.write_exr.colours")
         colors = colours
-    chromaticities, interop_id = _color_space(colors)
+    if colors not in COLOR_SPACES:
+        sentence = f"The colors {colors!r} are not known; they must be one of {', '.join(COLOR_SPACES)}."
+        raise EnvironmentMapError(sentence, "colors", ErrorCode.UNKNOWN)
+    chromaticities, interop_id = COLOR_SPACES[colors]
+    to_rec709 = chromaticities_to_rec709(chromaticities)  # white is (1, 1, 1) in both
+    from_rec709 = None if to_rec709 is None else np.linalg.inv(to_rec709.astype(np.float64)).astype(np.float32)
     check_exr_compression(compression)
     own = compression == "zip" and not _LAYOUT.intersection(attributes or ())
     if callable(image) and not own:
@@ -179,7 +184,7 @@ def write_exr(
     rows: Strips = image if callable(image) else partial(iter, (check_envmap(image),))
 
     def strips() -> Iterator[Image]:
-        return (_convert_colors(strip, colors) for strip in rows())
+        return rows() if from_rec709 is None else (np.ascontiguousarray(strip @ from_rec709.T) for strip in rows())
 
     header = {
         "compression": getattr(OpenEXR, COMPRESSIONS[compression]),
@@ -193,8 +198,7 @@ def write_exr(
         **(attributes or {}),
     }
     if attributes:
-        _check_attributes(attributes)
-        _try_attributes(header, attributes)
+        _check_attributes(header, attributes)
     write = _write_zip if own else _write_by_library
     if isinstance(target, str | os.PathLike):
         with open_target(target) as stream:
@@ -361,8 +365,11 @@ def open_target(target: WriteTarget) -> Iterator[BinaryIO]:
         raise EnvironmentMapError(f"{os.fspath(target)} cannot be written: {error.strerror or error}.") from error
 
 
-def _check_attributes(attributes: Mapping[str, object]) -> None:
-    """Raise EnvironmentMapError for what OpenEXR would write as something else."""
+def _check_attributes(header: _Attributes, attributes: Mapping[str, object]) -> None:
+    """Write a picture of one pixel with this header; EnvironmentMapError where OpenEXR knows no such attributes.
+
+    So it is where it gives one of them back as something else: some types are cut or left out without a word.
+    """
     for name, value in attributes.items():
         if isinstance(value, int | np.integer) and not -(2**31) <= int(value) < 2**31:
             predicate = f"is {value}, and whole numbers of an EXR have 32 bits; write it as text."
@@ -371,13 +378,6 @@ def _check_attributes(attributes: Mapping[str, object]) -> None:
         else:
             continue
         raise EnvironmentMapError(f"The attribute {name} {predicate}", "attributes", ErrorCode.OUT_OF_RANGE)
-
-
-def _try_attributes(header: _Attributes, attributes: Mapping[str, object]) -> None:
-    """Write a picture of one pixel with this header; EnvironmentMapError where OpenEXR knows no such attributes.
-
-    So it is where it gives one of them back as something else: some types are cut or left out without a word.
-    """
     try:
         OpenEXR.File(dict(header), {"RGB": np.zeros((1, 1, 3), np.float32)}).write(trial := io.BytesIO())
     except (RuntimeError, ValueError, TypeError) as error:
@@ -397,14 +397,6 @@ def _is_stored(value: object, stored: Any) -> bool:
     if isinstance(value, float | np.floating):
         return bool(np.isclose(value, stored, rtol=1e-6, atol=1e-30, equal_nan=True))
     return not isinstance(value, str | int | np.integer) or bool(value == stored)
-
-
-def _color_space(name: str) -> tuple[tuple[float, ...], str]:
-    """Chromaticities and interoperable name of a space; EnvironmentMapError for another than COLOR_SPACES."""
-    if name not in COLOR_SPACES:
-        sentence = f"The colors {name!r} are not known; they must be one of {', '.join(COLOR_SPACES)}."
-        raise EnvironmentMapError(sentence, "colors", ErrorCode.UNKNOWN)
-    return COLOR_SPACES[name]
 
 
 def _probe_attributes(probe: "LightProbe | None") -> _Attributes:
@@ -562,17 +554,3 @@ def _attributes_at(data: bytes | bytearray) -> Iterator[tuple[bytes, int]]:
             raise ValueError("negative length")
         yield bytes(data[position:middle]), end + 5
         position = end + 5 + length
-
-
-def _convert_colors(linear: NDArray[np.float32], space: str) -> NDArray[np.float32]:
-    """Return linear Rec.709 colors (..., 3) in another space of COLOR_SPACES; white stays (1, 1, 1).
-
-    Args:
-        linear: (..., 3), Rec.709.
-        space: its name.
-    """
-    matrix = chromaticities_to_rec709(COLOR_SPACES[space][0])
-    if matrix is None:
-        return linear
-    inverse = np.linalg.inv(matrix.astype(np.float64)).astype(np.float32)
-    return np.ascontiguousarray(linear @ inverse.T)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import LUMINANCE_WEIGHTS
-from lighting.envmap.latlong import remove_sun, row_irradiance
+from lighting.envmap.latlong import row_irradiance
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_ALBEDO
@@ -83,26 +83,6 @@ class Skies:
         """
         names = ("radiance", "sun_direction", "sun_irradiance")
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
-def skies_from_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
-    """Take the sun's disc out of maps that show it.
-
-    What stands above the sky around the sun counts as the disc, for the disc is smaller than a pixel of most maps. A
-    sun that the map does not show has irradiance 0.
-
-    Args:
-        maps: (T, H, 2H, 3), row 0 is the zenith, the centre column north.
-        sun_direction: (T, 3) unit vectors.
-
-    Raises:
-        EnvironmentMapError: the shapes are others.
-    """
-    images, directions = np.asarray(maps, dtype=np.float32), np.asarray(sun_direction, dtype=np.float64)
-    if images.ndim != 4 or images.shape[-1] != 3 or len(images) != len(directions):
-        raise EnvironmentMapError(f"Maps have the shape (T, H, 2H, 3), one for each sun, not {images.shape}.")
-    parts = [remove_sun(image, sun) for image, sun in zip(images, directions, strict=True)]
-    return Skies(np.stack([sky for sky, _ in parts]), directions, np.stack([power for _, power in parts]))
 
 
 def illumination_matrices(skies: Skies, normals: ArrayLike) -> Floats:

@@ -5,8 +5,8 @@ of a day, H and W multiples of 8. Its outputs: `normal`, float32 (1, 3, H, W), u
 `error`, float32 (1, 1, H, W), their expected angle to the truth [rad].
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -54,17 +54,12 @@ def normal_features(
     by_image[:, 2, mask] = suns.astype(np.float32) @ search.normal.T
     by_image[:, 3:][..., mask] = suns[:, :, None]
     shared = np.zeros((SHARED, *mask.shape), dtype=np.float32)
-    shared[:, mask] = _search_planes(search, size, noise)
-    return NormalFeatures(by_image, shared)
-
-
-def _search_planes(search: SearchResult, size: Image, noise: float) -> Image:
-    """The planes (SHARED, P) of the search."""
     residual, odds, spread = np.log1p(search.residual / noise), np.tanh(search.log_odds / 4), search.error_rms / 30
     brightness = np.clip(np.log(size / np.median(size)), -3, 3)
     numbers = (residual, odds, spread, brightness, np.clip(np.log(noise / size), -8, 0) / 4, np.ones_like(size))
     vectors = (search.normal.T, search.mean.T, search.other.T)
-    return np.concatenate([*vectors, np.stack(numbers)]).astype(np.float32)
+    shared[:, mask] = np.concatenate([*vectors, np.stack(numbers)])
+    return NormalFeatures(by_image, shared)
 
 
 class Network:
@@ -101,7 +96,8 @@ class Network:
         """
         height, width = features.shared.shape[1:]
         normal, error = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
-        for tile in _iter_tiles(height, width):
+        for top, left in product(range(0, height, _TILE), range(0, width, _TILE)):
+            tile = slice(top, min(top + _TILE, height)), slice(left, min(left + _TILE, width))
             if features.shared[-1][tile].any():
                 normal[tile], error[tile] = self._tile(features, tile)
         return normal, error
@@ -116,12 +112,6 @@ class Network:
             raise ModelError(f"The network of normals failed: {failure}.") from failure
         core = tuple(slice(part.start - start, part.stop - start) for part, start in zip(tile, starts, strict=True))
         return np.moveaxis(normal[0], 0, -1)[core], np.degrees(error[0, 0])[core]
-
-
-def _iter_tiles(height: int, width: int) -> Iterator[tuple[slice, slice]]:
-    for top in range(0, height, _TILE):
-        for left in range(0, width, _TILE):
-            yield slice(top, min(top + _TILE, height)), slice(left, min(left + _TILE, width))
 
 
 def _pad_planes(planes: Image) -> Image:

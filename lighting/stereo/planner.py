@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import luminance
-from lighting.envmap.latlong import shrink_envmap
+from lighting.envmap.latlong import remove_sun, shrink_envmap
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.fields import OPTIONAL_RANGES, Json, check_range
 from lighting.files import read_envmap
@@ -41,7 +41,6 @@ from lighting.stereo.light_vectors import (
     clear_brightness,
     gray_skies,
     modelled_day,
-    skies_from_maps,
 )
 from lighting.stereo.schedule import (
     DayProgress,
@@ -102,17 +101,14 @@ def read_skies(files: list[Path]) -> Skies:
 
 
 def _read_sky(file: Path) -> Skies:
+    """The sky of one map; what stands above it around the map's brightest spot counts as the sun's disc."""
     image = read_envmap(file)
-    skies = skies_from_maps(image[None], _brightest_direction(image)[None])
-    return Skies(shrink_envmap(skies.radiance[0], SKY_HEIGHT)[None], skies.sun_direction, skies.sun_irradiance)
-
-
-def _brightest_direction(image: NDArray[np.float32]) -> Floats:
-    """The direction (3,) of the brightest spot of a map (H, 2H, 3): the mean of its brightest pixels by luminance."""
     light = luminance(image)
     top = light >= 0.5 * light.max()
     mean = (latlong_directions(len(image))[top] * light[top][:, None]).sum(axis=0)
-    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-12))
+    sun = np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-12), dtype=np.float64)
+    sky, irradiance = remove_sun(image, sun)
+    return Skies(shrink_envmap(sky, SKY_HEIGHT)[None], sun[None], irradiance[None])
 
 
 @dataclass(frozen=True)

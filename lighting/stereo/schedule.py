@@ -44,21 +44,16 @@ _NamedNormal = tuple[str, float, float]  # name, azimuth [deg clockwise from nor
 _DayReader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine
 
 
-def _sphere_normals(count: int) -> Floats:
-    """Unit vectors (count, 3) spread evenly over the sphere along a spiral of golden angles."""
-    up = 1 - (2 * np.arange(count) + 1) / count
-    angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
-    level = np.sqrt(1 - up**2)
-    return np.stack([level * np.sin(angle), up, -level * np.cos(angle)], axis=-1)
-
-
 def normals_of_interest(facing: float | None) -> Floats:
     """Return the unit normals (N, 3) by which windows are judged.
 
     Args:
         facing: deg clockwise from north; normals lie within 80 deg of it. None is all that do not look down.
     """
-    normals = _sphere_normals(_NORMAL_COUNT)
+    number = np.arange(_NORMAL_COUNT)  # spread evenly over the sphere along a spiral of golden angles
+    up, angle = 1 - (2 * number + 1) / _NORMAL_COUNT, np.pi * (3 - np.sqrt(5)) * number
+    level = np.sqrt(1 - up**2)
+    normals = np.stack([level * np.sin(angle), up, -level * np.cos(angle)], axis=-1)
     if facing is None:
         return np.asarray(normals[normals[:, 1] >= 0])
     return np.asarray(normals[normals @ direction(facing, 0.0) > np.cos(np.radians(_MAX_VISIBLE_ANGLE))])

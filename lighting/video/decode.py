@@ -308,7 +308,8 @@ class Clip:
             if not last < time < _MAX_TIME or picture.is_corrupt:
                 lost += 1
                 continue
-            last, end = time, time + _picture_duration(picture, self._packet_ticks)
+            ticks = getattr(picture, "duration", self._packet_ticks)  # PyAV 14 knows the last packet's alone
+            last, end = time, time + float(ticks * (picture.time_base or 0))
             if only is None or index in only:
                 self._last = picture
                 yield Frame(index, time, self._frame_pixels(picture, self.side))
@@ -490,9 +491,16 @@ def local_address(path: Path) -> str:
 
 
 def _open_container(path: Path) -> Any:
-    """The file by FFmpeg, which opens no other file and no connection for it."""
+    """The file by FFmpeg, which opens no other file and no connection for it; OSError for one missing or forbidden."""
     av = require_extra("av", "Video needs PyAV", "all")
-    _check_file(path)
+    if path.is_dir():
+        raise VideoError("This is a folder; a clip is one file. Join frames to one first, with ffmpeg for example.")
+    if path.exists() and not path.is_file():
+        raise VideoError("This is a pipe or a device; a clip is a file.")
+    with path.open("rb") as stream:
+        start = stream.read(64)
+    if path.suffix.lower() in _PLAYLIST_SUFFIXES or _PLAYLIST_START.match(start):
+        raise VideoError("This is a playlist, which names other files; a clip is one file.")
     options = {"protocol_whitelist": "file", "format_whitelist": ",".join(_FORMATS), **_DECODER_OPTIONS}
     try:
         if int(av.__version__.split(".")[0]) < _NO_METADATA_ERRORS:
@@ -505,18 +513,6 @@ def _open_container(path: Path) -> Any:
 def _readable(tags: Mapping[str, str]) -> dict[str, str]:
     """Tags in which what is no UTF-8, which PyAV 19 leaves as lone surrogates, is replaced as by older ones."""
     return {name: value.encode("utf-8", "surrogateescape").decode("utf-8", "replace") for name, value in tags.items()}
-
-
-def _check_file(path: Path) -> None:
-    """Raise VideoError for what is no file of its own, OSError for one that is missing or forbidden."""
-    if path.is_dir():
-        raise VideoError("This is a folder; a clip is one file. Join frames to one first, with ffmpeg for example.")
-    if path.exists() and not path.is_file():
-        raise VideoError("This is a pipe or a device; a clip is a file.")
-    with path.open("rb") as stream:
-        start = stream.read(64)
-    if path.suffix.lower() in _PLAYLIST_SUFFIXES or _PLAYLIST_START.match(start):
-        raise VideoError("This is a playlist, which names other files; a clip is one file.")
 
 
 def _video_stream(container: Any) -> Any:
@@ -540,11 +536,6 @@ def _clip_duration(container: Any, stream: Any, start: float) -> float:
     if tag := _DURATION_TAG.fullmatch(stream.metadata.get("DURATION", "")):  # Matroska's, counted from 0
         return max(0.0, 3600.0 * float(tag[1]) + 60.0 * float(tag[2]) + float(tag[3]) - start)
     return (container.duration or 0) / 1e6 if len(container.streams) == 1 else 0.0  # sound may last longer
-
-
-def _picture_duration(picture: Any, packet_ticks: int) -> float:
-    """Seconds that a picture is shown; 0 unknown. PyAV 14 knows the last packet's duration alone."""
-    return float(getattr(picture, "duration", packet_ticks) * (picture.time_base or 0))
 
 
 def _check_pixel_count(width: int, height: int) -> None:

@@ -45,66 +45,53 @@ def read_gps_fix(sample: bytes) -> GpsFix | None:
         return None
 
 
-@dataclass(frozen=True)
-class _Value:
-    """One key's value."""
-
-    kind: int  # a letter's code
-    size: int  # bytes of one structure
-    data: bytes
-
-
-def _items(data: bytes) -> Iterator[tuple[bytes, _Value]]:
-    """The keys of a level and their values; values end at four bytes."""
+def _items(data: bytes) -> Iterator[tuple[bytes, int, bytes]]:
+    """The keys of a level, the codes of their kinds, and their values, which end at four bytes."""
     position = 0
     while position + 8 <= len(data):
         key, kind, size, count = struct.unpack_from(">4sBBH", data, position)
         end = position + 8 + size * count
         if key == b"\0\0\0\0" or end > len(data):
             return
-        yield key, _Value(kind, size, data[position + 8 : end])
+        yield key, kind, data[position + 8 : end]
         position = -(-end // 4) * 4
 
 
-def _streams(data: bytes, depth: int) -> Iterator[dict[bytes, _Value]]:
+def _streams(data: bytes, depth: int) -> Iterator[dict[bytes, bytes]]:
     """The keys of each stream, in order."""
-    for key, value in _items(data):
-        if value.kind == _NESTED and depth < _MAX_DEPTH:
+    for key, kind, value in _items(data):
+        if kind == _NESTED and depth < _MAX_DEPTH:
             if key == b"STRM":
-                yield dict(_items(value.data))
+                yield {name: values for name, _, values in _items(value)}
             else:
-                yield from _streams(value.data, depth + 1)
+                yield from _streams(value, depth + 1)
 
 
-def _fix_of(stream: dict[bytes, _Value]) -> GpsFix | None:
+def _fix_of(stream: dict[bytes, bytes]) -> GpsFix | None:
     if b"GPS9" in stream:
         return _gps9_fix(stream)
     if b"GPS5" not in stream:
         return None
-    if b"GPSF" in stream and struct.unpack(">I", stream[b"GPSF"].data[:4])[0] < _MIN_FIX:
+    if b"GPSF" in stream and struct.unpack(">I", stream[b"GPSF"][:4])[0] < _MIN_FIX:
         return None
-    if b"GPSP" in stream and struct.unpack(">H", stream[b"GPSP"].data[:2])[0] / 100.0 > _MAX_DILUTION:
+    if b"GPSP" in stream and struct.unpack(">H", stream[b"GPSP"][:2])[0] / 100.0 > _MAX_DILUTION:
         return None
-    scales = struct.unpack(">5i", (stream[b"SCAL"].data * 5)[:20])
-    latitude, longitude = struct.unpack(">2i", stream[b"GPS5"].data[:8])
-    text = stream[b"GPSU"].data.decode("ascii") if b"GPSU" in stream else ""
-    return _possible_fix(_parse_time(text), latitude / scales[0], longitude / scales[1])
+    scales = struct.unpack(">5i", (stream[b"SCAL"] * 5)[:20])
+    latitude, longitude = struct.unpack(">2i", stream[b"GPS5"][:8])
+    text = stream.get(b"GPSU", b"").decode("ascii")  # yymmddhhmmss.sss
+    time = datetime.strptime(text[:12], "%y%m%d%H%M%S").replace(tzinfo=UTC) if text.strip("\0 ") else None
+    return _possible_fix(time, latitude / scales[0], longitude / scales[1])
 
 
-def _gps9_fix(stream: dict[bytes, _Value]) -> GpsFix | None:
+def _gps9_fix(stream: dict[bytes, bytes]) -> GpsFix | None:
     """The fix of HERO11 and later, which write each number's time and quality beside it."""
-    scales = struct.unpack(f">{_GPS9_SCALES}i", stream[b"SCAL"].data[: 4 * _GPS9_SCALES])
-    raw = struct.unpack(">7i2H", stream[b"GPS9"].data[:32])
+    scales = struct.unpack(f">{_GPS9_SCALES}i", stream[b"SCAL"][: 4 * _GPS9_SCALES])
+    raw = struct.unpack(">7i2H", stream[b"GPS9"][:32])
     latitude, longitude, _, _, _, days, seconds, dilution, fix = (r / s for r, s in zip(raw, scales, strict=True))
     if fix < _MIN_FIX or dilution > _MAX_DILUTION:
         return None
     time = _EPOCH + timedelta(days=days, seconds=seconds) if days > 0 else None
     return _possible_fix(time, latitude, longitude)
-
-
-def _parse_time(text: str) -> datetime | None:
-    """The moment of "yymmddhhmmss.sss"."""
-    return datetime.strptime(text[:12], "%y%m%d%H%M%S").replace(tzinfo=UTC) if text.strip("\0 ") else None
 
 
 def _possible_fix(time: datetime | None, latitude: float, longitude: float) -> GpsFix | None:

@@ -11,6 +11,7 @@ do.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -22,7 +23,6 @@ from lighting.video.tracking import (
     GAP_KEYFRAMES,
     TRACKING_TOLERANCE,
     ClipMetadata,
-    FrameEstimate,
     Keyframe,
     ShotObservations,
     TrackedFrame,
@@ -71,8 +71,13 @@ def _combine_fovs(
     """The same from fields of view and their standard deviations [deg] that rotations say."""
     if clip.user_input.vertical_fov is not None:
         return clip.user_input.vertical_fov, 0.0
-    prior = prior_fov(tracked, clip)
-    return _robust_mean([prior, *((fov, math.hypot(std, MIN_FOV_STD)) for fov, std in fovs)])
+    told = [prior_fov(tracked, clip), *((fov, math.hypot(std, MIN_FOV_STD)) for fov, std in fovs)]
+    values, stds = np.array(told).T
+    weight = np.square(1.0 / stds)
+    for _ in range(5):  # those far off count for less
+        mean = float(weight @ values / weight.sum())
+        weight = 1.0 / (np.square(stds) + np.square(values - mean) / 4.0)
+    return mean, float(1.0 / math.sqrt(weight.sum()))
 
 
 def prior_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, float]:
@@ -88,24 +93,15 @@ def prior_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, flo
     return math.exp(float(np.mean(logs))), NETWORK_FOV_STD
 
 
-def _robust_mean(fovs: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """What most of several fields of view say, and its standard deviation [deg]; those far off count for less."""
-    values, stds = np.array(fovs).T
-    weight = np.square(1.0 / stds)
-    for _ in range(5):
-        mean = float(weight @ values / weight.sum())
-        weight = 1.0 / (np.square(stds) + np.square(values - mean) / 4.0)
-    return mean, float(1.0 / math.sqrt(weight.sum()))
-
-
 def _lens_rotations(tracked: ShotObservations) -> Iterator[RelativeRotation | None]:
     """Rotations by an unknown lens: between keyframes, or where those are few, by points that were followed."""
     pairs = _lens_pairs(list(tracked.keys.values()))
     for a, b in pairs:
         yield match_keyframes(a, b, None)
     if len(pairs) < MIN_PAIRS:
-        distant = [step.matches for step in _distant_frames(tracked)]
-        for matches in [m for m in distant if _median_motion(m) > MIN_MEDIAN_MOTION][-MIN_PAIRS:]:
+        distant = [m for step in _distant_frames(tracked) if len(m := step.matches)]
+        moved = [np.median(np.linalg.norm(m.b - m.a, axis=1)) > MIN_MEDIAN_MOTION for m in distant]
+        for matches in list(compress(distant, moved))[-MIN_PAIRS:]:
             yield estimate_rotation(matches, tracked.size, tracked.size)
 
 
@@ -130,11 +126,6 @@ def constrains_fov(rotation: RelativeRotation, prior: float) -> bool:
     is_far = abs(rotation.vertical_fov[0] - prior) > MAX_FOV_STDS * NETWORK_FOV_STD
     is_clear = not is_far if rotation.translates else rotation.inliers >= MIN_ROTATION_SHARE * rotation.matches
     return is_clear and rotation.fov_std < 2 * NETWORK_FOV_STD
-
-
-def _median_motion(matches: Matches) -> float:
-    """How far points moved in the median [half diagonals]."""
-    return float(np.median(np.linalg.norm(matches.b - matches.a, axis=1))) if len(matches) else 0.0
 
 
 def _lens_pairs(keys: Sequence[Keyframe]) -> list[tuple[Keyframe, Keyframe]]:
@@ -259,7 +250,10 @@ def _divide_by_zoom(tracked: ShotObservations, zoom: Floats) -> ShotObservations
         steps.append(replace(step, matches=Matches(m.a / base, m.b / factor, m.pixel / min(base, factor))))
     of_frame = {step.frame: factor for step, factor in zip(tracked.steps, zoom.tolist(), strict=True)}
     keys = {number: replace(key, zoom=of_frame[key.frame]) for number, key in tracked.keys.items()}
-    estimates = {frame: _unzoom_estimate(estimate, of_frame[frame]) for frame, estimate in tracked.estimates.items()}
+    estimates = {}
+    for frame, estimate in tracked.estimates.items():
+        fov = zoomed_fov(estimate.prediction.vertical_fov, 1.0 / of_frame[frame])
+        estimates[frame] = replace(estimate, prediction=replace(estimate.prediction, vertical_fov=fov))
     return replace(tracked, steps=steps, keys=keys, estimates=estimates)
 
 
@@ -275,27 +269,15 @@ def is_zoomed(matches: Matches, vertical_fov: float, size: tuple[int, int]) -> b
     return fit is not None and abs(np.log(fit[1])) > _ONE_LENS
 
 
-def _unzoom_estimate(estimate: FrameEstimate, zoom: float) -> FrameEstimate:
-    fov = zoomed_fov(estimate.prediction.vertical_fov, 1.0 / zoom)
-    return replace(estimate, prediction=replace(estimate.prediction, vertical_fov=fov))
-
-
 def _zoom_after_gap(tracked: ShotObservations, step: TrackedFrame, of_key: dict[int, float], last: float) -> float:
     """The zoom of a keyframe that begins a stretch, by those before the gap that show the same."""
     if (key := tracked.keys.get(step.key)) is None:
         return last
     for before in sorted((k for k in of_key if k < step.key and k in tracked.keys), reverse=True)[:GAP_KEYFRAMES]:
         if (rotation := match_keyframes(tracked.keys[before], key, None)) is not None:
-            return of_key[before] * _focal_ratio(rotation, key)
+            first, second = (focal_from_fov(fov, *key.picture.shape[::-1]) for fov in rotation.vertical_fov)
+            return of_key[before] * (second / first if rotation.zoomed else 1.0)
     return last
-
-
-def _focal_ratio(rotation: RelativeRotation, key: Keyframe) -> float:
-    """The second focal length of a rotation by its first."""
-    if not rotation.zoomed:
-        return 1.0
-    first, second = (focal_from_fov(fov, *key.picture.shape[::-1]) for fov in rotation.vertical_fov)
-    return second / first
 
 
 def _fit_rotation_and_zoom(

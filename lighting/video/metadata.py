@@ -11,7 +11,6 @@ import re
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, TypeVar
@@ -296,38 +295,26 @@ def subtitle_metadata(subtitles: Sequence[Subtitle], width: int, height: int) ->
         width: pixels of the upright picture.
         height: pixels of the upright picture.
     """
-    entries = [entry for start, text in subtitles if (entry := _parse_entry(start, text))]
+    entries = [(start, values, text) for start, text in subtitles if (values := _dji_values(text))]
     if not entries:
         return PhotoMetadata(), Gimbal()
-    return _metadata_of_entries(entries, width, height), _make_gimbal(entries)
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """What one entry of DJI's subtitles says."""
-
-    start: float  # s
-    numbers: dict[str, float]  # by the names that DJI gives them
-    focal_length: float | None  # mm, None for a crop
-    clock: datetime | None  # local
-
-
-def _parse_entry(start: float, block: str) -> _Entry | None:
-    """What one entry says; None where it is not DJI's.
-
-    A picture that is zoomed digitally is a crop, of which the focal length says nothing.
-    """
-    texts = {name.lower(): value for name, value in _NUMBER.findall(block)}
-    numbers = {name: float(value) for name, value in texts.items()}
-    if position := _GPS_PAIR.search(block):
-        numbers["longitude"], numbers["latitude"] = float(position[1]), float(position[2])
-    if not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
-        return None
-    zoomed = numbers.get("dzoom_ratio", 1.0) not in _NO_DIGITAL_ZOOM
-    clock = _CLOCK.search(block)
-    focal_length = None if zoomed else _parse_focal_length(texts.get("focal_len", ""))
+    _, first, text = entries[0]
+    zoomed = float(first.get("dzoom_ratio", 1.0)) not in _NO_DIGITAL_ZOOM  # a crop, of which the lens says nothing
+    focal_length = None if zoomed else _parse_focal_length(first.get("focal_len", ""))
+    clock = _CLOCK.search(text)
     stamp = read_stamp(clock[0]) if clock else None
-    return _Entry(start, numbers, focal_length, None if stamp is None else stamp.time)
+    location = next((place for _, values, _ in entries if (place := _entry_location(values)) is not None), None)
+    metadata = _lens_and_place(focal_length, location, width, height)
+    gimbal = _make_gimbal([(start, values) for start, values, _ in entries])
+    return replace(metadata, local_time=None if stamp is None else stamp.time), gimbal
+
+
+def _dji_values(block: str) -> dict[str, str]:
+    """The numbers of one entry as they stand, by the names that DJI gives them; none where it is not DJI's."""
+    values = {name.lower(): value for name, value in _NUMBER.findall(block)}
+    if position := _GPS_PAIR.search(block):
+        values["longitude"], values["latitude"] = position[1], position[2]
+    return values if {"latitude", "gb_yaw", "focal_len", "iso"} & values.keys() else {}
 
 
 def _parse_focal_length(text: str) -> float | None:
@@ -337,22 +324,17 @@ def _parse_focal_length(text: str) -> float | None:
     return value if FOCAL_LENGTHS[0] <= value <= FOCAL_LENGTHS[1] else None
 
 
-def _metadata_of_entries(entries: list[_Entry], width: int, height: int) -> PhotoMetadata:
-    location = next((p for e in entries if (p := _entry_location(e)) is not None), None)
-    return replace(_lens_and_place(entries[0].focal_length, location, width, height), local_time=entries[0].clock)
-
-
-def _entry_location(entry: _Entry) -> tuple[float, float] | None:
-    longitude = entry.numbers.get("longitude", entry.numbers.get("longtitude"))  # as some models spell it
-    if "latitude" not in entry.numbers or longitude is None:
+def _entry_location(values: Mapping[str, str]) -> tuple[float, float] | None:
+    longitude = values.get("longitude", values.get("longtitude"))  # as some models spell it
+    if "latitude" not in values or longitude is None:
         return None
-    return _valid_location(entry.numbers["latitude"], longitude)
+    return _valid_location(float(values["latitude"]), float(longitude))
 
 
-def _make_gimbal(entries: list[_Entry]) -> Gimbal:
+def _make_gimbal(entries: Sequence[tuple[float, Mapping[str, str]]]) -> Gimbal:
     names = ("gb_yaw", "gb_pitch", "gb_roll")
-    complete = [e for e in entries if set(names) <= set(e.numbers)]
-    table = np.array([[e.start, *(e.numbers[name] for name in names)] for e in complete], dtype=np.float64)
+    complete = [(start, *map(values.__getitem__, names)) for start, values in entries if values.keys() >= set(names)]
+    table = np.array(complete, dtype=np.float64)
     if not len(table) or np.any(np.diff(table[:, 0]) <= 0) or np.any(np.abs(table[:, 1:]) > 360.0):
         return Gimbal()
     time, yaw, pitch, roll = table.T

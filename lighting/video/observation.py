@@ -161,7 +161,9 @@ class DissolveDetector:
         def at(number: int) -> _ComparedFrame:
             return self._kept[min(max(number, lowest), highest) - lowest]
 
-        if last - first > _MAX_DISSOLVE_FRAMES or _match_frames(at(first - _CLEAR_FRAMES), at(last + _CLEAR_FRAMES)):
+        ends = at(first - _CLEAR_FRAMES), at(last + _CLEAR_FRAMES)
+        before, after = (Keyframe(end.number, 0, end.number, end.time, end.picture) for end in ends)
+        if last - first > _MAX_DISSOLVE_FRAMES or match_keyframes(before, after, None) is not None:
             return None
         return Dissolve(at(first).time, at(last).time)
 
@@ -206,11 +208,6 @@ def _is_mixture(first: Floats, values: Floats, second: Floats) -> bool:
 def _correlation(a: Floats, b: Floats) -> float:
     a, b = a - a.mean(), b - b.mean()
     return float(a @ b) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-6)
-
-
-def _match_frames(before: _ComparedFrame, after: _ComparedFrame) -> bool:
-    a, b = (Keyframe(small.number, 0, small.number, small.time, small.picture) for small in (before, after))
-    return match_keyframes(a, b, None) is not None
 
 
 MIN_SHOT_FRAMES = 5  # frames, fewer than which are no shot but a gap in one

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.envmap.latlong import row_irradiance
+from lighting.envmap.latlong import remove_sun, row_irradiance
 from lighting.envmap.render import sky_irradiance, sun_light
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_angles, latlong_directions
@@ -21,7 +21,6 @@ from lighting.stereo.light_vectors import (
     draw_sunshine,
     illumination_matrices,
     modelled_day,
-    skies_from_maps,
     sky_light_vectors,
     sun_directions,
     sun_light_vectors,
@@ -38,7 +37,9 @@ def mean_light(envmap: NDArray[np.floating[Any]], normals: ArrayLike, sun_direct
     if sun_direction is None:
         skies = Skies(image, np.array([[0.0, 1.0, 0.0]]), np.zeros((1, image.shape[-1])))
     else:
-        skies = skies_from_maps(image, np.asarray(sun_direction, dtype=np.float64)[None])
+        sun = np.asarray(sun_direction, dtype=np.float64)
+        sky, irradiance = remove_sun(image[0], sun)
+        skies = Skies(sky[None], sun[None], irradiance[None])
     return np.asarray(illumination_matrices(skies, normals)[..., 0, :, :])
 
 
@@ -128,8 +129,6 @@ def test_brightness_of_rendered_patches_is_linear_in_the_scaled_normal() -> None
 def test_shapes_are_checked() -> None:
     with pytest.raises(EnvironmentMapError, match="shape"):
         mean_light(np.ones((8, 8, 3), dtype=np.float32), [0, 1, 0])
-    with pytest.raises(EnvironmentMapError, match="one for each sun"):
-        skies_from_maps(np.ones((2, 8, 16, 3)), np.array([[0.0, 1.0, 0.0]]))
     with pytest.raises(EnvironmentMapError, match="irradiance"):
         Skies(np.ones((1, 8, 16, 3), dtype=np.float32), np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 1)))
 
