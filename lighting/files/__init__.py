@@ -42,15 +42,13 @@ class _MapFormat:
     """How environment maps are written in one format."""
 
     write: Callable[..., None]
-    """(target, image, lighting); `compression`, `probe` and `colors` where it takes them."""
+    """(target, image, lighting); `compression`, `colors` and `probe` where it takes them."""
     media_type: str
     """By which HTTP names it."""
     read: Callable[[bytes], "Image"] | None = None
     """The linear pixels (H, W, 3); None where a file holds none."""
-    takes_compression: bool = False
-    """Whether a file may be packed in several ways."""
     has_header: bool = False
-    """Whether files hold lighting and probe, and say in which colours they are."""
+    """Whether files hold lighting and probe, and say how they are packed and in which colours they are."""
 
 
 def _write_exr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None", **options: Any) -> None:
@@ -91,7 +89,7 @@ def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | No
 
 
 MAP_FORMATS: dict[str, _MapFormat] = {  # by the suffix of a file, without its dot
-    "exr": _MapFormat(_write_exr, "image/x-exr", _read_exr, takes_compression=True, has_header=True),
+    "exr": _MapFormat(_write_exr, "image/x-exr", _read_exr, has_header=True),
     "hdr": _MapFormat(_write_hdr, "image/vnd.radiance", _read_hdr),
     "png": _MapFormat(_write_png, "image/png"),
 }
@@ -126,12 +124,12 @@ class FileOptions:
 
     def __post_init__(self) -> None:
         check_option(FileOptions, "format", self.format)
-        for name, takes in (("compression", "takes_compression"), ("colors", "has_header")):
+        for name in ("compression", "colors"):
             value = getattr(self, name)
             if isinstance(value, str) and value == getattr(FileOptions, name):
                 continue
-            if not getattr(MAP_FORMATS[self.format], takes):
-                formats = join_words([name for name, entry in MAP_FORMATS.items() if getattr(entry, takes)])
+            if not MAP_FORMATS[self.format].has_header:
+                formats = join_words([name for name, entry in MAP_FORMATS.items() if entry.has_header])
                 raise ParameterError.about(name, f"goes with the format {formats}.", ErrorCode.CONTRADICTION)
             if name == "compression" and isinstance(value, str):  # whose error says more of one that was
                 from lighting.files.exr import check_exr_compression
@@ -229,11 +227,10 @@ def _write_map(
     probe: "LightProbe | None",
 ) -> None:
     entry = MAP_FORMATS[options.format]
-    packed = {"compression": options.compression} if entry.takes_compression else {}
-    headed = {"probe": probe, "colors": options.colors} if entry.has_header else {}
-    if callable(image) and options.format != "exr":
-        image = join_strips(image)
-    entry.write(target, image, lighting, **packed, **headed)
+    if entry.has_header:
+        entry.write(target, image, lighting, compression=options.compression, colors=options.colors, probe=probe)
+    else:
+        entry.write(target, join_strips(image) if callable(image) else image, lighting)
 
 
 def read_envmap(file: str | os.PathLike[str]) -> "Image":

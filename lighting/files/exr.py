@@ -282,7 +282,12 @@ def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
     header, planes = _colors(_decode(data))
     if len({plane.shape for plane in planes}) > 1:
         raise EnvironmentMapError("The EXR file's channels R, G and B differ in size.")
-    return _in_rec709(np.stack(planes, axis=-1, dtype=np.float32), header), _lighting_in(header)
+    pixels = np.stack(planes, axis=-1, dtype=np.float32)
+    try:
+        matrix = chromaticities_to_rec709(header.get("chromaticities", CHROMATICITIES))
+    except (ValueError, TypeError) as error:
+        raise EnvironmentMapError("The EXR file's chromaticities are those of no colours.") from error
+    return pixels if matrix is None else np.asarray(pixels @ matrix.T), _lighting_in(header)
 
 
 def _colors(parts: list[tuple[_Attributes, _Attributes]]) -> tuple[_Attributes, list[NDArray[np.floating]]]:
@@ -306,15 +311,6 @@ def _colors(parts: list[tuple[_Attributes, _Attributes]]) -> tuple[_Attributes, 
         raise EnvironmentMapError(f"The EXR file has several layers with R, G and B ({names}); keep one of them.")
     header, planes = colored["" if "" in colored else chosen[0]]
     return header, [planes[name] for name in "RGB"]
-
-
-def _in_rec709(pixels: Image, header: _Attributes) -> Image:
-    """Pixels (H, W, 3) of the primaries that a header names, Rec.709's where it names none, in those of Rec.709."""
-    try:
-        matrix = chromaticities_to_rec709(header.get("chromaticities", CHROMATICITIES))
-    except (ValueError, TypeError) as error:
-        raise EnvironmentMapError("The EXR file's chromaticities are those of no colours.") from error
-    return pixels if matrix is None else np.asarray(pixels @ matrix.T)
 
 
 def is_exr(file: Path) -> bool:

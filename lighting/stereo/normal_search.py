@@ -186,7 +186,11 @@ def search_normals(
 
 
 def _search_block(images: Image, table: Candidates, noise: float, units: Image) -> SearchResult:
-    likelihood = _log_likelihood(images, units, noise)
+    likelihood = np.zeros((len(images), units.shape[-1]), dtype=np.float32)  # logarithms, up to a constant of a pixel
+    scaled = (images / np.float32(noise * np.sqrt(2))).astype(np.float32)
+    for channel, unit in enumerate(units):
+        match = _multiply_in_rows(scaled[:, :, channel], unit)
+        likelihood += np.square(np.maximum(match, 0, out=match), out=match)
     likelihood += table.prior
     best = likelihood.argmax(axis=1)
     likelihood -= likelihood[np.arange(len(best)), best][:, None]
@@ -205,16 +209,6 @@ def _search_block(images: Image, table: Candidates, noise: float, units: Image) 
 def _chord_angle(chord: Image) -> Image:
     """Angles [deg] between unit vectors at distances (P,)."""
     return np.asarray(np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1))))
-
-
-def _log_likelihood(images: Image, units: Image, noise: float) -> Image:
-    """Logarithms (P, K) of how likely each normal makes the images, up to a constant for each pixel."""
-    scaled = (images / np.float32(noise * np.sqrt(2))).astype(np.float32)
-    total = np.zeros((len(images), units.shape[-1]), dtype=np.float32)
-    for channel, unit in enumerate(units):
-        match = _multiply_in_rows(scaled[:, :, channel], unit)
-        total += np.square(np.maximum(match, 0, out=match), out=match)
-    return total
 
 
 def _multiply_in_rows(left: Image, right: Image) -> Image:

@@ -148,8 +148,13 @@ def _solve_depth(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing:
     from scipy.sparse.linalg import splu
 
     index = np.cumsum(mask).reshape(mask.shape) - 1
-    count = int(mask.sum())
-    first, second, change, weight = _neighbor_pairs(slopes, mask, facing, index)
+    count, pairs = int(mask.sum()), []  # of neighbors: numbers of the pixel and the next one, change and its weight
+    for slope, here, beyond in ((slopes[0], np.s_[:, :-1], np.s_[:, 1:]), (slopes[1], np.s_[:-1], np.s_[1:])):
+        both = mask[here] & mask[beyond]
+        steepness = (slope[here] + slope[beyond])[both] / 2
+        certainty = np.minimum(facing[here], facing[beyond])[both] ** 2
+        pairs.append((index[here][both], index[beyond][both], steepness, certainty))
+    first, second, change, weight = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     rows = np.arange(len(first))
     entries = np.concatenate([-np.ones(len(first)), np.ones(len(first))])
     positions = (np.concatenate([rows, rows]), np.concatenate([first, second]))
@@ -159,23 +164,6 @@ def _solve_depth(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing:
     factors = splu(square, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
     value = factors.solve(weighted.T @ change)
     return np.asarray(value - value.mean())
-
-
-def _neighbor_pairs(
-    slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats, index: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]:
-    """Neighbours in the mask: the pixel's number, that of the one right of or below it, the change and its weight."""
-    pairs = []
-    for slope, first_pixels, second_pixels in (
-        (slopes[0], np.s_[:, :-1], np.s_[:, 1:]),
-        (slopes[1], np.s_[:-1], np.s_[1:]),
-    ):
-        both = mask[first_pixels] & mask[second_pixels]
-        change = (slope[first_pixels] + slope[second_pixels])[both] / 2
-        weight = np.minimum(facing[first_pixels], facing[second_pixels])[both] ** 2
-        pairs.append((index[first_pixels][both], index[second_pixels][both], change, weight))
-    first, second, change, weight = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
-    return first, second, change, weight
 
 
 def depth_error(estimated: Floats, truth: Floats, mask: NDArray[np.bool_]) -> float:

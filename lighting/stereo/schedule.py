@@ -185,16 +185,6 @@ class WindowTable:
 
 
 @dataclass(frozen=True)
-class _DayScore:
-    """How good a day is."""
-
-    day: date
-    """Day, the date."""
-    errors: tuple[float, ...]
-    """Deg, least of each length of HOURS, 90 where none fits."""
-
-
-@dataclass(frozen=True)
 class Plan:
     """The best of several days, and its windows."""
 
@@ -204,8 +194,8 @@ class Plan:
     """What was asked."""
     windows: tuple[Window, ...]
     """The best of each length of HOURS that fits the day."""
-    days: tuple[_DayScore, ...]
-    """Each day's score."""
+    days: tuple[tuple[date, tuple[float, ...]], ...]
+    """Each day, and the least errors of each length of HOURS, deg, 90 where none fits."""
     table: WindowTable
     """All windows of the day."""
 
@@ -215,7 +205,9 @@ class Plan:
             "date": self.day.isoformat(),
             **asdict(self.question),
             "windows": [window.to_dict() for window in self.windows],
-            "days": [{"date": s.day.isoformat(), "errors": [_round_finite(e) for e in s.errors]} for s in self.days],
+            "days": [
+                {"date": day.isoformat(), "errors": list(map(_round_finite, errors))} for day, errors in self.days
+            ],
         }
 
 
@@ -343,7 +335,7 @@ def make_plan(
     burden = np.log(errors).sum(axis=1) + np.where([summary.has_window for summary in summaries], 0, np.inf)
     chosen = int(np.argmin(burden))
     best = summaries[chosen].day_light or read(days[chosen], False)
-    scores = tuple(_DayScore(day, tuple(map(float, row))) for day, row in zip(days, errors, strict=True))
+    scores = tuple((day, tuple(map(float, row))) for day, row in zip(days, errors, strict=True))
     normals = normals_of_interest(question.facing)
     light = best.light(normals) / scale
     windows = tuple(_best_windows(best, light, normals, question, scale))
@@ -391,7 +383,9 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
         error = float(angular_error(stds[best], question.noise / 100))
         free_gain = float(np.median(rotation_free_gain(light[:, moments])))
         orientations = tuple(_predict_orientations(day, moments, question, scale))
-        sphere = _sphere_gains(day, moments, question, scale)
+        over_sphere = _half_sphere_normals(question.facing, _SPHERE_SIZE).reshape(-1, 3)
+        gains = gain_from_inverse(_gram_inverses(day, moments, over_sphere, scale)).max(axis=-1)
+        sphere = np.asarray(np.median(gains, axis=1).reshape(_SPHERE_SIZE, _SPHERE_SIZE))
         yield Window(hours, start, end, error, gain, free_gain, orientations, sphere)
 
 
@@ -406,12 +400,6 @@ def _predict_orientations(
     for name, e, g, interval in zip(names, error, gain, interval_95(gain, noise), strict=True):
         east, up, south = map(float, interval)
         yield SurfaceOrientation(*name, float(e), float(g.max()), (east, up, south))
-
-
-def _sphere_gains(day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float) -> Floats:
-    normals = _half_sphere_normals(question.facing, _SPHERE_SIZE).reshape(-1, 3)
-    gain = gain_from_inverse(_gram_inverses(day, moments, normals, scale)).max(axis=-1)
-    return np.asarray(np.median(gain, axis=1).reshape(_SPHERE_SIZE, _SPHERE_SIZE))
 
 
 def _gram_inverses(day: SkyDay, moments: NDArray[np.intp], normals: Floats, scale: float) -> Floats:

@@ -120,7 +120,10 @@ def solve_with_planes(
     noise_std = _measure_noise(pixels, table, noise)
     result = search_with_shadows(pixels, table, make_shadow_candidates(skies, pose), noise_std, progress)
     features = normal_features(pixels, mask, world_to_camera(skies.sun_direction, pose), result, noise_std)
-    return _make_normal_map(mask, result, noise_std), features
+    albedo = result.albedo / max(float(np.quantile(result.albedo, 0.99)), 1e-9)
+    misfit = _shared_residual(_fill_mask(mask, result.difference), mask)
+    normal, albedo, error = (_fill_mask(mask, plane) for plane in (result.normal, albedo, result.error))
+    return NormalMap(mask, normal, albedo, error, misfit, np.zeros(mask.shape, dtype=bool), noise_std), features
 
 
 def _relative_pixels(session: Session) -> Image:
@@ -143,13 +146,6 @@ def _measure_noise(pixels: Image, table: Candidates, least: float) -> float:
     result = search_normals(pixels[:: max(1, len(pixels) // _NOISE_PIXELS)], table, least)
     std = np.sqrt(np.median(result.residual**2) * moments * channels / degrees_of_freedom)
     return float(max(least, std))
-
-
-def _make_normal_map(mask: NDArray[np.bool_], result: SearchResult, noise: float) -> NormalMap:
-    albedo = result.albedo / max(float(np.quantile(result.albedo, 0.99)), 1e-9)
-    misfit = _shared_residual(_fill_mask(mask, result.difference), mask)
-    normal, albedo, error = (_fill_mask(mask, plane) for plane in (result.normal, albedo, result.error))
-    return NormalMap(mask, normal, albedo, error, misfit, np.zeros(mask.shape, dtype=bool), noise)
 
 
 def _shared_residual(difference: Image, mask: NDArray[np.bool_]) -> Image:

@@ -272,7 +272,13 @@ class Clip:
             pictures = self._decode()
             if (first := next(pictures, None)) is None:
                 raise VideoError("The clip has no frame that can be read: it is damaged, cut short or empty.")
-            _check_size(first.width, first.height)
+            width, height = first.width, first.height
+            _check_pixel_count(width, height)
+            if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
+                raise VideoError(
+                    f"The clip is {width} x {height} pixels; each side needs at least {MIN_SIDE}, "
+                    f"and the longer at most {MAX_ASPECT} times the shorter."
+                )
             self._first = self._last = first
             self._pictures = chain([first], pictures)
             self._kept: dict[int, Any] = {}  # pictures by their frames' indices
@@ -338,8 +344,7 @@ class Clip:
 
     def _frame_pixels(self, picture: Any, side: int) -> NDArray[np.uint8]:
         with trace_step("decode"):
-            pixels = self._upright(picture, side)
-            return pixels if self.form.overlay is None else fill_overlay(pixels, self.form.overlay)
+            return fill_overlay(self._upright(picture, side), self.form.overlay)
 
     def _upright(self, picture: Any, side: int) -> NDArray[np.uint8]:
         return _upright_pixels(picture, self._stream.codec_context, side, self._aspect, self.form, self._scaler)
@@ -543,12 +548,3 @@ def _check_pixel_count(width: int, height: int) -> None:
     if width * height > MAX_CLIP_PIXELS:
         limit = f"the limit of {MAX_CLIP_PIXELS / 1e6:.0f} million"
         raise VideoError(f"The clip's pictures of {width} x {height} pixels are larger than {limit}.")
-
-
-def _check_size(width: int, height: int) -> None:
-    _check_pixel_count(width, height)
-    if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
-        raise VideoError(
-            f"The clip is {width} x {height} pixels; each side needs at least {MIN_SIDE}, "
-            f"and the longer at most {MAX_ASPECT} times the shorter."
-        )

@@ -132,13 +132,15 @@ def _find_overlay(samples: Sequence[Pixels]) -> tuple[NDArray[np.bool_] | None, 
     return covered, tuple(CodedWarning(sentence, WarningCode.OVERLAY) for sentence in sentences)
 
 
-def fill_overlay(pixels: Pixels, overlay: NDArray[np.bool_]) -> Pixels:
+def fill_overlay(pixels: Pixels, overlay: NDArray[np.bool_] | None) -> Pixels:
     """Fill what covers a frame from around.
 
     Args:
         pixels: (h, w, 3) sRGB.
-        overlay: of any size, where it is covered.
+        overlay: of any size, where it is covered; None: nowhere.
     """
+    if overlay is None:
+        return pixels
     cv2 = import_opencv()
     height, width = pixels.shape[:2]
     mask = cv2.resize(overlay.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
@@ -154,7 +156,8 @@ class StreamFraming:
     def __init__(self) -> None:
         """Begin a stream."""
         self._samples: list[Pixels] = []
-        self._due, self._overlay = -math.inf, np.zeros((1, 1), dtype=bool)
+        self._overlay: NDArray[np.bool_] | None = None
+        self._due = -math.inf
 
     def fill(self, pixels: Pixels, time: float) -> Pixels:
         """Return the next frame without the lettering that has stood still in a few that differ.
@@ -166,7 +169,7 @@ class StreamFraming:
         if time >= self._due:
             self._due = time + _STREAM_INTERVAL
             self._look(pixels)
-        return fill_overlay(pixels, self._overlay) if self._overlay.any() else pixels
+        return fill_overlay(pixels, self._overlay)
 
     def _look(self, pixels: Pixels) -> None:
         """Compare a frame with earlier ones; none counts while the camera stands, nor a black one."""
@@ -180,8 +183,7 @@ class StreamFraming:
             return
         self._samples = [*kept, sample]
         crop, told = _find_border(self._samples, (width, height))
-        overlay, doubts = _find_overlay(self._samples)
-        self._overlay = np.zeros((1, 1), dtype=bool) if overlay is None else overlay
+        self._overlay, doubts = _find_overlay(self._samples)
         flat = len(self._samples) >= _MIN_OVERLAY_SAMPLES and looks_logarithmic(self._samples)
         self.warnings = (*((_UNCUT,) if crop else told), *doubts, *((_FLAT,) if flat else ()))
 

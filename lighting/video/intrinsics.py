@@ -158,7 +158,10 @@ def remove_zoom(tracked: ShotObservations, clip: ClipMetadata) -> UnzoomedShot |
         clip: what is known of the clip.
     """
     rotations = _zoomed_rotations(tracked, _combine_fovs(tracked, clip, ())[0])
-    first = _combine_fovs(_first_estimates(tracked), clip, ())[0]
+    time = {step.frame: step.time for step in tracked.steps}
+    end = min(time[frame] for frame in tracked.estimates) + FIRST_SECONDS
+    at_first = {frame: estimate for frame, estimate in tracked.estimates.items() if time[frame] <= end}
+    first = _combine_fovs(replace(tracked, estimates=at_first), clip, ())[0]
     best: UnzoomedShot | None = None
     for start in _START_FACTORS if rotations else ():
         unzoomed = _track_from_fov(tracked, clip, rotations, start * first)
@@ -167,13 +170,6 @@ def remove_zoom(tracked: ShotObservations, clip: ClipMetadata) -> UnzoomedShot |
         if best.zoom_share >= MIN_ZOOMED_FRAMES:
             break
     return None if best is None or np.all(best.zoom == 1.0) else best
-
-
-def _first_estimates(tracked: ShotObservations) -> ShotObservations:
-    """The shot with its first estimates alone."""
-    time = {step.frame: step.time for step in tracked.steps}
-    end = min(time[frame] for frame in tracked.estimates) + FIRST_SECONDS
-    return replace(tracked, estimates={f: estimate for f, estimate in tracked.estimates.items() if time[f] <= end})
 
 
 def _track_from_fov(

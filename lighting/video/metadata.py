@@ -10,6 +10,7 @@ import math
 import re
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -154,15 +155,11 @@ def _lens_and_place(
 
 
 def _first_value(tags: Mapping[str, str], names: tuple[str, ...], read: Callable[[str], _Value]) -> _Value | None:
-    values = (_try_read(read, tags[name]) for name in names if name in tags)
-    return next((value for value in values if value is not None), None)
-
-
-def _try_read(read: Callable[[str], _Value], text: str) -> _Value | None:
-    try:
-        return read(text)
-    except (ArithmeticError, LookupError, TypeError, ValueError):
-        return None
+    for name in names:
+        with suppress(ArithmeticError, LookupError, TypeError, ValueError):  # a tag that is not there, too
+            if (value := read(tags[name])) is not None:
+                return value
+    return None
 
 
 def _parse_iso6709(text: str) -> tuple[float, float] | None:

@@ -13,6 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -223,8 +224,9 @@ def _split_shots(tracked: ShotObservations) -> list[ShotObservations]:
     keys = {s: sorted((k for k in tracked.keys.values() if k.stretch == s), key=lambda k: k.number) for s in long}
     shot_of, number = {}, 0
     for before, after in zip([None, *long[:-1]], long, strict=True):
-        if before is not None and not _is_same_shot(keys[before], keys[after]):
-            number += 1
+        if before is not None:
+            pairs = product(keys[before][-GAP_KEYFRAMES:], keys[after][:GAP_KEYFRAMES])  # to both sides of a gap
+            number += all(match_keyframes(a, b, None) is None for a, b in pairs)
         shot_of[after] = number
     current, members = 0, []
     for step in tracked.steps:
@@ -270,11 +272,6 @@ def _long_stretches(steps: Sequence[TrackedFrame]) -> list[int]:
     stretches, counts = np.unique([step.stretch for step in steps], return_counts=True)
     long = stretches[counts >= MIN_SHOT_FRAMES]
     return [int(s) for s in (long if len(long) else stretches[[int(np.argmax(counts))]])]
-
-
-def _is_same_shot(before: Sequence[Keyframe], after: Sequence[Keyframe]) -> bool:
-    """Whether keyframes to both sides of a gap show the same things."""
-    return any(match_keyframes(a, b, None) is not None for a in before[-GAP_KEYFRAMES:] for b in after[:GAP_KEYFRAMES])
 
 
 def _select_frames(tracked: ShotObservations, positions: Sequence[int]) -> ShotObservations:

@@ -108,7 +108,7 @@ class _Balls:
             lighting = light.lighting
             rotation = step * BALL_STEP - (lighting.relative_heading or 0.0)
             azimuth = (lighting.sun_azimuth - rotation + 180.0) % 360.0 - 180.0
-            unexposed = scale_exposure(lighting, np.full(3, 1 / _gain(light)))
+            unexposed = scale_exposure(lighting, np.full(3, 1 / luminance(light.gain)))
             turned = replace(unexposed, sun_azimuth=azimuth, camera_elevation=-8.0)
             image = self._render_map(light.shot, turned, step * BALL_STEP)
             linear = render_spheres(image, turned, *self.size, supersampling=2)
@@ -126,37 +126,10 @@ class _Balls:
         return image
 
 
-def _gain(light: FrameLight) -> float:
-    return float(luminance(light.gain))
-
-
-def _write_film(
-    source: Path,
-    lights: Mapping[int, FrameLight],
-    target: Path,
-    skies: Mapping[int, _ShotSky],
-    form: ClipForm,
-) -> None:
-    """Write a clip with its light drawn in, as H.264 in MP4; frames without a light stay as they are.
-
-    Args:
-        source: the clip.
-        lights: of frames by their index.
-        target: the film, replaced at the end.
-        skies: what the balls show of the place, by the shots' numbers; those of others show sky and ground alone.
-        form: of the clip's pictures.
-
-    Raises:
-        VideoError: the clip cannot be read.
-        OSError: the film cannot be written.
-    """
-    with Clip(source, FILM_SIDE, form=form) as clip, atomic_write(target) as temporary:
-        _encode(_film_frames(clip, lights, skies), clip.info.frame_rate, temporary)
-
-
 def _film_frames(
     clip: Clip, lights: Mapping[int, FrameLight], skies: Mapping[int, _ShotSky]
 ) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Times [s] and pictures (h, w, 3) of a clip, the lights of its frames drawn in; others stay as they are."""
     balls: _Balls | None = None
     for frame in clip.frames():
         height, width = (side // 2 * 2 for side in frame.pixels.shape[:2])
@@ -179,7 +152,7 @@ def _draw_overlay(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[n
     picture = Picture.fromarray(pixels)
     draw_horizon(picture, light.lighting)
     draw_sun(picture, light.lighting)
-    panel = Picture.fromarray(display_srgb(balls * np.float32(_gain(light))))
+    panel = Picture.fromarray(display_srgb(balls * np.float32(luminance(light.gain))))
     layout = _fit_layout(picture.width, panel.width)
     picture.paste(panel, (_MARGIN, picture.height - panel.height - layout.below), rounded_mask(panel.size, 10))
     texts, color = _frame_text(light), SUN if light.lighting.sun_shines else WHITE
@@ -313,10 +286,11 @@ class _ShotMap:
         """The shot's light as the user adjusts it, for its first camera."""
         return shot_lighting(self.shot, self.view.adjustments)
 
-    def compute_harmonics(self) -> Floats:
-        """Return the light probe's coefficients (9, 3) as the first frame's camera sees light and place."""
-        seen = self._light_seen()
-        return compute_light_probe(seen, self.context, sun=self.view.sun, yaw=self.heading).coefficients
+    def frame_lights(self, number: int) -> Iterator[FrameLight]:
+        """The records of the frames, their light probes those of light and place; shots are numbered from 1."""
+        view, seen = self.view, self._light_seen()
+        probe = compute_light_probe(seen, self.context, sun=view.sun, yaw=self.heading)
+        return frame_lights(self.shot, number, view.adjustments, view.sun, probe.coefficients)
 
     def render_sky(self, height: int) -> Image:
         """Render the map (H, 2H, 3) as the camera at `heading` sees it, without the sun's disc.
@@ -457,8 +431,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
                     lines.write(json.dumps({"file": name, "shot": number, "error": error}) + "\n")
                     continue
                 shot_map = _map_shot(shot, clip, read_view, model, view)
-                harmonics = shot_map.compute_harmonics()
-                of_shot = list(frame_lights(shot_map.shot, number, view.adjustments, view.sun, harmonics))
+                of_shot = list(shot_map.frame_lights(number))
                 lines.writelines(light.to_line(name) + "\n" for light in of_shot)
                 lines.flush()
                 lights |= {light.frame: light for light in of_shot}
@@ -473,7 +446,8 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
         result.damage = clip.damage
     (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
     if options.film:
-        _write_film(job.source, lights, job.folder / FILM_FILE, skies, lettered)
+        with Clip(job.source, FILM_SIDE, form=lettered) as clip, atomic_write(job.folder / FILM_FILE) as film:
+            _encode(_film_frames(clip, lights, skies), clip.info.frame_rate, film)
     result.removed = _remove_old_maps(job, result, set(lights))
     return result
 

@@ -359,8 +359,9 @@ def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
     if not tracked.estimates:
         raise VideoError("No frame of the shot is bright enough, and shows enough, for daylight.")
     if (unzoomed := remove_zoom(tracked, clip_metadata)) is None:
+        by_lens = {frame: seen.by_lens or seen for frame, seen in tracked.estimates.items()}
         lens = fit_fov(tracked, clip_metadata)
-        unzoomed = UnzoomedShot(tracked.with_fixed_lens(), np.ones(len(tracked.steps)), lens)
+        unzoomed = UnzoomedShot(replace(tracked, estimates=by_lens), np.ones(len(tracked.steps)), lens)
     tracked, fov = unzoomed.tracked, unzoomed.lens[0]
     rotations = _estimate_frame_rotations(tracked, fov)
     orientation, reliable = _estimate_orientations(tracked, rotations, fov)

@@ -369,10 +369,6 @@ class ShotObservations:
     estimates: dict[int, FrameEstimate]
     """By the frame's index."""
 
-    def with_fixed_lens(self) -> "ShotObservations":
-        """The same with the estimates by the clip's known lens, for a shot that is not zoomed."""
-        return replace(self, estimates={frame: seen.by_lens or seen for frame, seen in self.estimates.items()})
-
 
 @dataclass(frozen=True, eq=False)
 class ClipMetadata:

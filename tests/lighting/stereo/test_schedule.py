@@ -128,7 +128,7 @@ def test_june_is_better_than_the_equinox_and_the_range_finds_it() -> None:
     assert june.windows[-1].gain < 0.4 * march.windows[-1].gain
     found = plan(47.0, date(2026, 4, 20), date(2026, 4, 21))
     assert found.day == date(2026, 4, 21)  # away from the equinox the sun leaves its plane
-    assert [score.day.day for score in found.days] == [20, 21]
+    assert [day.day for day, _ in found.days] == [20, 21]
     assert found.days[1].errors[-1] < found.days[0].errors[-1] < march.windows[-1].error
 
 
