@@ -129,7 +129,7 @@ def test_june_is_better_than_the_equinox_and_the_range_finds_it() -> None:
     found = plan(47.0, date(2026, 4, 20), date(2026, 4, 21))
     assert found.day == date(2026, 4, 21)  # away from the equinox the sun leaves its plane
     assert [day.day for day, _ in found.days] == [20, 21]
-    assert found.days[1].errors[-1] < found.days[0].errors[-1] < march.windows[-1].error
+    assert found.days[1][1][-1] < found.days[0][1][-1] < march.windows[-1].error
 
 
 def test_noise_and_shots_scale_the_error() -> None:
@@ -157,7 +157,7 @@ def test_a_polar_day_has_windows_through_midnight_and_a_polar_night_none() -> No
 def test_days_without_light_are_passed_over() -> None:
     found = plan(78.0, date(2026, 2, 15), date(2026, 2, 16))  # the first sun of the year, for 110 minutes
     assert found.day == date(2026, 2, 16)
-    assert found.days[0].errors == (90, 90, 90, 90)
+    assert found.days[0][1] == (90, 90, 90, 90)
 
 
 def test_a_day_shorter_than_an_hour_says_so() -> None:
