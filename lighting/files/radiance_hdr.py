@@ -101,20 +101,14 @@ def decode_hdr(data: bytes) -> NDArray[np.float32]:
     height, width = int(size[1]), int(size[2])
     check_read_size(width, height, "HDR picture")
     try:
-        exposure = _exposure(data[: size.start()])
+        exposure = math.prod(float(factor) for factor in _EXPOSURE.findall(data[: size.start()]))
+        if not 1e-30 < exposure < 1e30:
+            raise ValueError("no exposure")
         pixels = _decode_rgbe(data, size.end(), height, width)
     except (IndexError, ValueError) as error:
         raise EnvironmentMapError("The HDR picture is cut short or damaged.") from error
     scale = np.ldexp(np.float32(1), pixels[..., 3:].astype(np.int32) - 136)
     return np.asarray(pixels[..., :3] * (scale / np.float32(exposure)), dtype=np.float32)
-
-
-def _exposure(header: bytes) -> float:
-    """By what the values were multiplied; ValueError where that cannot be."""
-    exposure = math.prod(float(factor) for factor in _EXPOSURE.findall(header))
-    if not 1e-30 < exposure < 1e30:
-        raise ValueError("no exposure")
-    return exposure
 
 
 def _decode_rgbe(data: bytes, start: int, height: int, width: int) -> NDArray[np.uint8]:
