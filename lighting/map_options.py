@@ -317,21 +317,5 @@ def parse_sun(text: str) -> tuple[float, float]:
     return azimuth, elevation
 
 
-def parse_exposure(text: str) -> float:
-    """Read an adjustment of the exposure such as "+0.5" or "-1ev"; its range is checked by `Adjustments`.
-
-    Args:
-        text: a number of EV, with or without the unit.
-
-    Raises:
-        ParameterError: for any other text.
-    """
-    try:
-        return float(text.strip().lower().removesuffix("ev"))
-    except ValueError as error:
-        predicate = f"is a number of EV, such as +0.5, not {text!r}."
-        raise ParameterError.about("exposure", predicate, ErrorCode.MALFORMED) from error
-
-
 describe_fields(Adjustments, MapOptions)
 DEFAULT_MAP = MapOptions()

@@ -19,6 +19,7 @@ from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, Phot
 from lighting.files import CLIP_SUFFIXES, escape_undecodable
 
 if TYPE_CHECKING:
+    from lighting.fields import Json
     from lighting.photo.reader import Photo, PhotoCrop
     from lighting.records import Lighting, LightProbe
 
@@ -93,6 +94,18 @@ def format_record(
     files = {key: escape_undecodable(file) for key, file in outputs.items()}
     light = escape_undecodable(describe_error(answer)) if isinstance(answer, Exception) else answer
     return json_line(escape_undecodable(name), light, probe, files, crop=asdict(crop) if crop else None)
+
+
+def record_with_probe(lighting: "Lighting") -> "Json":
+    """Return the record of a light, with the light probe of its sky and ground.
+
+    Args:
+        lighting: any.
+    """
+    from lighting.light_probe import compute_light_probe
+    from lighting.record_json import record_with_coefficients
+
+    return record_with_coefficients(lighting, compute_light_probe(lighting))
 
 
 def report_failure(name: str, error: Exception, progress: Any) -> None:

@@ -30,6 +30,7 @@ from lighting.cli.console import (
     prefix_errors,
     read_lighting,
     read_picture_bytes,
+    record_with_probe,
 )
 from lighting.cli.options import FileName
 from lighting.confinement import describe_confinement
@@ -72,15 +73,7 @@ def _describe_record(file: str) -> "Json":
 
 
 def _describe_lighting(lighting: "Lighting") -> "Json":
-    return {"kind": "lighting record", "lighting": _record_with_probe(lighting)}
-
-
-def _record_with_probe(lighting: "Lighting") -> "Json":
-    """The record with the light probe of its sky and ground."""
-    from lighting.light_probe import compute_light_probe
-    from lighting.record_json import record_with_coefficients
-
-    return record_with_coefficients(lighting, compute_light_probe(lighting))
+    return {"kind": "lighting record", "lighting": record_with_probe(lighting)}
 
 
 def _describe_network(file: str) -> "Json":
@@ -152,7 +145,7 @@ def _describe_map(file: str, data: bytes) -> "Json":
     if lighting is None:
         return {**_describe_image(image), "lighting": None}
     probe = json.loads(header["lighting.json"]).get("light_probe")
-    record = _record_with_probe(lighting)
+    record = record_with_probe(lighting)
     return {**_describe_image(image), "lighting": record | ({"light_probe": probe} if probe else {})}
 
 

@@ -25,7 +25,6 @@ from lighting.map_options import (
     check_height,
     names_in,
     option_texts,
-    parse_exposure,
     parse_sun,
 )
 
@@ -256,6 +255,15 @@ def _text_option(name: str, text: OptionText, default: object) -> Decorator:
 def _sentence(text: OptionText) -> str:
     phrase = str(text.help)
     return f"{phrase[0].upper()}{phrase[1:]}."
+
+
+def parse_exposure(text: str) -> float:
+    """Return an adjustment of the exposure such as "+0.5" or "-1ev"; ValueError for any other text.
+
+    Args:
+        text: a number of EV, with or without the unit.
+    """
+    return float(text.strip().lower().removesuffix("ev"))
 
 
 _SUN = click.option(

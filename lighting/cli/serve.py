@@ -61,7 +61,9 @@ def _open(photo: str | None, as_json: bool, quiet: bool) -> None:
     def show(process: "subprocess.Popen[bytes]") -> None:
         if not _wait_until_listening(process, _LOOPBACK, port):
             return
-        opened = _open_browser(url)
+        opened = False
+        with suppress(webbrowser.Error):  # which says that there is no browser
+            opened = webbrowser.open(url)
         if as_json:
             name = None if photo is None else escape_undecodable(photo)
             click.echo(json.dumps({"url": url, "file": name, "opened": opened}))
@@ -204,13 +206,6 @@ def _is_taken(host: str, port: int) -> bool:
 def _next_free_port(host: str) -> int:
     following = range(_PORT + 1, _PORT + _NEIGHBOURS)
     return next((port for port in following if not _is_taken(host, port)), None) or _find_free_port()
-
-
-def _open_browser(url: str) -> bool:
-    """Open a browser; whether there is one."""
-    with suppress(webbrowser.Error):
-        return webbrowser.open(url)
-    return False
 
 
 def _report_page(url: str, photo: str | None, opened: bool) -> None:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from lighting.fields import Json
     from lighting.fusion.user_input import UserInput
-    from lighting.records import Lighting
     from lighting.video.output import VideoResult
     from lighting.video.shot import Shot
 
@@ -137,15 +136,10 @@ def _how_to_open(folder: str, options: "Json") -> str | None:
 
 def _result_record(clip: str, folder: Path, result: "VideoResult") -> "Json":
     """What became of a clip, for JSON: a light or the reason for each shot; lighting.jsonl has the frames."""
-    from lighting.light_probe import compute_light_probe
-    from lighting.record_json import record_with_coefficients
     from lighting.video.shot import Shot, shot_lighting
 
-    def describe(light: "Lighting") -> "Json":
-        return record_with_coefficients(light, compute_light_probe(light))
-
     shots = [
-        {"lighting": describe(shot_lighting(shot)), "frames": len(shot.frames)}
+        {"lighting": console.record_with_probe(shot_lighting(shot)), "frames": len(shot.frames)}
         if isinstance(shot, Shot)
         else {"error": escape_undecodable(str(shot))}
         for shot in result.shots

@@ -9,11 +9,10 @@ behind it.
 
 from __future__ import annotations
 
-import importlib.util
 import json
+import runpy
 import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
@@ -24,23 +23,13 @@ Json = dict[str, Any]  # of scene.json and shot.json
 
 def _main() -> None:
     folder = Path(__file__).resolve().parent
-    still = _load(folder / "scene.py")
+    build_scene = runpy.run_path(str(folder / "scene.py"))["build_scene"]
     if "--save" in sys.argv:
         bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = still.build_scene(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
+    scene = build_scene(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
     _move_camera(scene, json.loads((folder / "shot.json").read_text(encoding="utf-8")), folder)
     if "--save" in sys.argv:
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"), relative_remap=True)
-
-
-def _load(path: Path) -> ModuleType:
-    """The module in a file."""
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def _move_camera(scene: bpy.types.Scene, numbers: Json, folder: Path) -> None:

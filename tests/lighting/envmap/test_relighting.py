@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lighting.cli.options import parse_exposure
 from lighting.color import luminance
 from lighting.envmap.relighting import (
     adjust_lighting,
@@ -21,7 +22,7 @@ from lighting.envmap.relighting import (
 from lighting.envmap.render import render, sky_irradiance, sun_light
 from lighting.errors import ParameterError
 from lighting.geometry import wrap_azimuth
-from lighting.map_options import Adjustments, MapOptions, parse_exposure, parse_sun
+from lighting.map_options import Adjustments, MapOptions, parse_sun
 from lighting.records import Lighting, SunCandidate
 from tests.helpers.predictions import model_light, stated_light
 
@@ -242,7 +243,7 @@ def test_adjustments_are_read_from_texts() -> None:
     for text in ("40", "40,25,3", "", "north,25"):
         with pytest.raises(ParameterError, match="such as 40,25"):
             parse_sun(text)
-    with pytest.raises(ParameterError, match="a number of EV"):
+    with pytest.raises(ValueError, match="bright"):
         parse_exposure("bright")
 
 
