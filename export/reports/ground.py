@@ -1,18 +1,19 @@
 """How well photos' ground is found, and the spot where an object may stand, on labelled pictures (`ground.csv`)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from export.training.segmentation import LabelledPicture, read_labelled_pictures
-from lighting.estimator import Estimator
+from export.training.segmentation import LabelledPicture, cross_validate_segmentation, read_labelled_pictures
+from lighting.fusion.estimate import estimate_light, refine_prediction
+from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
-from lighting.prediction import Segments, SurfaceClass
+from lighting.prediction import Prediction, Segments, SurfaceClass
 
 _MIN_CELLS = 4  # of ground, in a picture that is expected to have a spot
 
@@ -36,17 +37,41 @@ def report_ground(model: Model, data: Path, split: str = "val") -> str:
     Raises:
         DataError: a table is missing, or a grid cannot be read.
     """
-    estimator = Estimator(model)
     pictures = read_labelled_pictures(data, split)
-    return describe_answers(pictures, [_answer(estimator, picture) for picture in pictures])
+    return describe_answers(pictures, [_answer(picture, _predict(model, picture)) for picture in pictures])
 
 
-def _answer(estimator: Estimator, picture: LabelledPicture) -> GroundAnswer:
+def report_ground_by_folds(model: Model, data: Path, teacher: Path, folds: int) -> str:
+    """The same on all pictures with grids; what each shows is said by a head that knows no other of its group.
+
+    Args:
+        model: the network that estimates the camera.
+        data: folder with `ground.csv`, photos and panoramas.
+        teacher: ONNX file for `train_segmentation`.
+        folds: 2 or more.
+
+    Raises:
+        DataError: a table is missing, or a grid cannot be read.
+        ModelError: the teacher is missing or damaged.
+    """
+    pictures, answers = [], []
+    for picture, canvas in cross_validate_segmentation(data, teacher, folds):
+        pictures.append(picture)
+        answers.append(_answer(picture, replace(_predict(model, picture), segments=canvas)))
+    return describe_answers(pictures, answers)
+
+
+def _predict(model: Model, picture: LabelledPicture) -> Prediction:
+    return model.predict_one(photo_from_array(picture.pixels))
+
+
+def _answer(picture: LabelledPicture, prediction: Prediction) -> GroundAnswer:
     height, width = picture.pixels.shape[:2]
-    estimate = estimator(photo_from_array(picture.pixels))
-    assert estimate.segments is not None
-    pixel = estimate.lighting.spot_pixel
-    return GroundAnswer(estimate.segments, pixel and (pixel[0] / width, pixel[1] / height))
+    photo = photo_from_array(picture.pixels)
+    light = estimate_light(photo, refine_prediction(prediction, photo, NO_USER_INPUT))
+    assert light.segments is not None
+    pixel = light.lighting.spot_pixel
+    return GroundAnswer(light.segments, pixel and (pixel[0] / width, pixel[1] / height))
 
 
 def describe_answers(pictures: Sequence[LabelledPicture], answers: Sequence[GroundAnswer]) -> str:

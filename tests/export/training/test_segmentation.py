@@ -21,6 +21,7 @@ from export.training.segmentation import (
     _raise_odds,
     _taught_part,
     _vary_picture,
+    cross_validate_segmentation,
     read_labelled_pictures,
     teach_views,
 )
@@ -175,6 +176,26 @@ def test_training_learns_and_the_run_answers_the_same(tmp_path: Path, monkeypatc
     assert ground[SurfaceClass.GROUND] > 2 * sky[SurfaceClass.GROUND]  # after a few steps
     assert water[SurfaceClass.WATER] > 2 * sky[SurfaceClass.WATER]
     assert sky.argmax() == SurfaceClass.SKY
+
+
+@pytest.mark.slow
+def test_no_head_learns_of_the_groups_it_is_judged_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Anna's two pictures, of which one is weak, and Berta's one; Berta's has views without labels, too."""
+    learned = []
+
+    def train_head(variants: list[object], taught: list[object]) -> SegmentationHead:
+        learned.append((len(variants), len(taught)))
+        return SegmentationHead().eval()
+
+    monkeypatch.setattr(segmentation, "_VARIANTS", 1)
+    monkeypatch.setattr(segmentation, "_train_head", train_head)
+    write_unlabelled(tmp_path)
+    labelled(tmp_path)
+    (tmp_path / "photos_train.csv").write_text("file,group\nc.png,berta_1\n")
+    answers = list(cross_validate_segmentation(tmp_path, write_teacher(tmp_path / "teacher.onnx"), 2))
+    assert [picture.group for picture, _ in answers] == ["anna", "anna", "berta"]
+    assert all(canvas.shape == (28, 28, 10) for _, canvas in answers)
+    assert learned == [(3, 4), (3, 2)]  # variants of the other's picture; views of a panorama, and of Berta's photo
 
 
 def test_a_class_is_made_likelier_everywhere() -> None:
