@@ -107,8 +107,8 @@ def read_lens(main: Tags, camera: Tags, xmp: Mapping[str, str], frame: PhotoFram
         recorded = recorded[::-1]
     fits = _fits(recorded, frame)
     if max(frame.width, frame.height) > _MAX_FRAME_ASPECT * min(frame.width, frame.height):
-        is_written_so = fits is not False and recorded is not None and not frame.is_inside
-        is_panorama = is_written_so and max(recorded or (0.0,)) > _MIN_PANORAMA_ASPECT * min(recorded or (1.0,))
+        is_written_so = recorded is not None and max(recorded) > _MIN_PANORAMA_ASPECT * min(recorded)
+        is_panorama = is_written_so and fits is not False and not frame.is_inside
         return PhotoLens(equivalent, is_whole=False, is_panorama=is_panorama)
     crop = _developed_crop(xmp)
     if equivalent is None:

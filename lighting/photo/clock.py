@@ -6,7 +6,7 @@ Patterns are compiled when a photo first has such a text.
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -129,11 +129,9 @@ def _with_month_number(text: str) -> str:
         return text
     others = re.sub(_YEAR, "", text, count=1)
     day, time = re.search(_DAY, others), re.search(_TIME_OF_DAY, others)
-    return (
-        f"{year[0]}:{_MONTHS.index(month[1].lower()) // 4 + 1}:{day[1]} {' '.join(time[0].split())}"
-        if day and time
-        else text
-    )
+    if not day or not time:
+        return text
+    return f"{year[0]}:{_MONTHS.index(month[1].lower()) // 4 + 1}:{day[1]} {' '.join(time[0].split())}"
 
 
 def _date(first: str, middle: str, last: str) -> tuple[int, int, int] | None:
@@ -223,7 +221,9 @@ def read_clock(
     tags = {**main, **camera}
     exif = list(_exif_stamps(tags))
     others = [stamp for name in _XMP_TIMES if (stamp := _xmp_stamp(xmp, name))]
-    others = [*others, *_iptc_stamps(iptc), *_takeout_stamps(xmp, exif)]
+    others += _iptc_stamps(iptc)
+    if (takeout := read_stamp(xmp.get(TAKEOUT_TIME))) and all(takeout.time != stamp.time for stamp in exif):
+        others.append(takeout)  # else Google took the local time for UTC
     written = [stamp for name in _XMP_WRITING_TIMES if (stamp := _xmp_stamp(xmp, name))]
     stamps = exif + others or list(_late_stamps(tags)) or ([] if _was_edited(tags, xmp) else written)
     if not stamps:
@@ -254,9 +254,8 @@ def _exif_stamps(tags: Tags) -> Iterator[Stamp]:
         scan = _offset(tags, base.OffsetTimeDigitized, original) if offset is None and alone else None
         yield Stamp(original.time, _first_known(offset, scan, _time_zone_offset(tags)))
     if digitized:
-        yield Stamp(
-            digitized.time, _first_known(digitized.utc_offset, _offset(tags, base.OffsetTimeDigitized, digitized))
-        )
+        offset = _first_known(digitized.utc_offset, _offset(tags, base.OffsetTimeDigitized, digitized))
+        yield Stamp(digitized.time, offset)
 
 
 def _late_stamps(tags: Tags) -> Iterator[Stamp]:
@@ -321,12 +320,6 @@ def _iptc_stamps(iptc: IptcRecords) -> Iterator[Stamp]:
         date, time = (_plain_text(v[0] if isinstance(v := iptc.get(key), list) and v else v) for key in pair)
         if stamp := read_stamp(f"{date}T{time}"):
             yield stamp
-
-
-def _takeout_stamps(xmp: Mapping[str, str], exif: Sequence[Stamp]) -> Iterator[Stamp]:
-    """The time of Google Takeout, unless it is a local time that Google took for UTC."""
-    if (stamp := read_stamp(xmp.get(TAKEOUT_TIME))) and not any(stamp.time == other.time for other in exif):
-        yield stamp
 
 
 def _offset_by_universal(time: datetime, others: Iterable[Stamp]) -> float | None:

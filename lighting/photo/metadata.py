@@ -89,13 +89,11 @@ def _read_locations(gps: Tags, xmp: Mapping[str, str]) -> Locations:
     return next((found for source in sources if (found := _locations(*source))), ())
 
 
-def _locations(
-    latitude: object, latitude_reference: object, longitude: object, longitude_reference: object
-) -> Locations:
+def _locations(latitude: object, latitude_ref: object, longitude: object, longitude_ref: object) -> Locations:
     if latitude is None or longitude is None:
         return ()
-    north = _coordinate(latitude, latitude_reference, "NS", 90.0)
-    east = _coordinate(longitude, longitude_reference, "EW", 180.0)
+    north = _coordinate(latitude, latitude_ref, "NS", 90.0)
+    east = _coordinate(longitude, longitude_ref, "EW", 180.0)
     if north is None or east is None or north.size == east.size == 0:  # many programs write 0, 0 for an unknown place
         return ()
     if north.is_negative != east.is_negative:  # who signs one of them would sign the other

@@ -183,10 +183,8 @@ def check_photo(thing: object) -> None:
     """
     if not isinstance(thing, Photo):
         kind = type(thing).__name__
-        raise PhotoError(
-            f"A Photo is needed, not {kind}; read_photo reads files, photo_from_array takes pixels.",
-            code=ErrorCode.WRONG_TYPE,
-        )
+        sentence = f"A Photo is needed, not {kind}; read_photo reads files, photo_from_array takes pixels."
+        raise PhotoError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
 def read_photo(

@@ -31,7 +31,7 @@ _CAPTURE = (  # how the names of properties of the exposure begin; others tell h
 )
 _TAKEOUT_SUFFIX = "supplemental-metadata"  # of which long names leave less
 _MAX_TAKEOUT_STEM = 46  # characters of a JSON file's name without its suffix
-_COPY_NUMBERS = ("(", ")")  # around the number of a photo whose name is there already
+_COPY = re.compile(r"(?s)(.*)(\(\d+\))")  # the number of a photo whose name is there already
 _EDITED = re.compile(  # how Google calls the copy that a user changed, which shares its original's JSON
     "-(?:edited|bearbeitet|bewerkt|editado|editada|edytowane|modifié|modificato|redigerad|redigert|redigeret|muokattu"
     "|upraveno|изменено|düzenlendi|編集済み|已修改|已編輯|수정됨)(?=(?:[(][0-9]+[)])?$)"
@@ -89,18 +89,13 @@ def _json_files(photo: Path) -> Iterator[str]:
     Takeout's is cut for long names and counts copies behind the suffix.
     """
     stem, suffix = _original(photo.stem), photo.suffix
-    names = [(stem, "")]
-    opening, closing = _COPY_NUMBERS
-    if stem.endswith(closing) and opening in stem:
-        before, _, digits = stem.removesuffix(closing).rpartition(opening)
-        if digits.isdigit():
-            names.insert(0, (before, f"{opening}{digits}{closing}"))
-    for name, number in names:
+    copy = _COPY.fullmatch(stem)
+    for name, number in ([(copy[1], copy[2])] if copy else []) + [(stem, "")]:
         for length in range(len(_TAKEOUT_SUFFIX), -1, -1):
             whole = f"{name}{suffix}.{_TAKEOUT_SUFFIX[:length]}".rstrip(".")
             yield f"{whole}{number}.json"
         yield f"{f'{name}{suffix}'[:_MAX_TAKEOUT_STEM]}{number}.json"
-    yield f"{_original(photo.stem)}.json"
+    yield f"{stem}.json"
 
 
 def _original(stem: str) -> str:

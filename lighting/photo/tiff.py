@@ -288,9 +288,8 @@ def embedded_preview(data: bytes) -> bytes:
     """
     pixels, position = _largest_jpeg(data)
     if pixels <= 0:
-        raise PhotoError(
-            "The RAW photo has no readable preview; convert it to JPEG or TIFF, for example with darktable-cli."
-        )
+        sentence = "The RAW photo has no readable preview; convert it to JPEG or TIFF, for example with darktable-cli."
+        raise PhotoError(sentence)
     return data[position:]
 
 
