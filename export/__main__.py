@@ -238,7 +238,7 @@ def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **setti
     if card and ours.resolve() != packaged_model().resolve():
         raise click.UsageError("--card is for the network in the package; leave out --model.")
     options = Options(**settings, models=(ours, *compare))
-    click.echo(run(options).report)
+    click.echo(run(options))
     if card:
         publish_evaluation(options.out, check_labels(options.data, options.labels))
 
@@ -374,10 +374,8 @@ def _normals_train(out: Path, meshes: Path | None, minutes: float, seed: int, th
     """Train the network of normals on simulated days, or go on where a run stopped."""
     from export.stereo.train import Config, train_normals
 
-    checkpoint = train_normals(
-        Config(out=str(out), meshes=str(meshes or ""), minutes=minutes, seed=seed, threads=threads)
-    )
-    click.echo(f"{checkpoint}")
+    config = Config(out=str(out), meshes=str(meshes or ""), minutes=minutes, seed=seed, threads=threads)
+    click.echo(train_normals(config))
 
 
 @_stereo.command("onnx")

@@ -54,7 +54,9 @@ def augment(crop: Crop, rng: np.random.Generator) -> tuple[Picture, Floats, bool
     """
     seed = int(rng.integers(2**63))
     gain = float(2.0 ** _effect_stream(seed, "exposure").uniform(*_EXPOSURE_STOPS))
-    recovered = _lift_highlights(crop.linear) if gain < 1 else crop.linear
+    recovered = crop.linear
+    if gain < 1:  # lift clipped highlights, so that an underexposed sun is still white
+        recovered = np.asarray(crop.linear / (1.0 - 0.85 * np.minimum(crop.linear, 1.0) ** 8), dtype=np.float32)
     scene = _apply_all(SCENE_EFFECTS, recovered, crop, seed)
     balance = np.exp(_effect_stream(seed, "white balance").normal(0, _WHITE_BALANCE_STD))
     gains = gain * np.asarray(balance / balance.mean(), dtype=np.float32)
@@ -81,11 +83,6 @@ def _differs_at_sun(one: Linear, other: Linear, crop: Crop) -> bool:
         return False
     x, y = (min(int(value), size - 1) for value, size in zip(crop.sun_pixel, one.shape[1::-1], strict=True))
     return not np.array_equal(one[y, x], other[y, x])
-
-
-def _lift_highlights(linear: Linear) -> Linear:
-    """Lift clipped highlights, so that an underexposed sun is still white."""
-    return np.asarray(linear / (1.0 - 0.85 * np.minimum(linear, 1.0) ** 8), dtype=np.float32)
 
 
 def _cover(linear: Linear, crop: Crop, rng: np.random.Generator) -> Linear:

@@ -136,7 +136,6 @@ def _direction_to_pixel(
 PROTOCOLS: dict[str, Callable[[np.random.Generator], Camera]] = {  # by their names in reports
     "paper": paper_camera,
     "phone": phone_camera,
-    "train": training_camera,
 }
 
 
@@ -168,15 +167,12 @@ def load_source(panorama: Panorama, label: Label) -> Source:
         label: of the panorama.
     """
     levels = [read_picture(panorama)]
-    while levels[-1].shape[0] >= 2 * _MIN_ROWS:
-        levels.append(_halve(levels[-1]))
+    while (height := len(levels[-1]) // 2) >= _MIN_ROWS:
+        width = levels[-1].shape[1] // 2
+        pairs = levels[-1][: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3)
+        mean = pairs.mean(axis=(1, 3), dtype=np.float32)
+        levels.append(np.round(mean).astype(np.uint8) if pairs.dtype == np.uint8 else mean)
     return Source(panorama, tuple(levels), label)
-
-
-def _halve(image: NDArray[Any]) -> NDArray[Any]:
-    height, width = image.shape[0] // 2, image.shape[1] // 2
-    mean = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3).mean(axis=(1, 3), dtype=np.float32)
-    return np.asarray(np.round(mean).astype(np.uint8) if image.dtype == np.uint8 else mean)
 
 
 def sampling_weights(sources: Sequence[Source]) -> Floats:
@@ -201,15 +197,6 @@ def balanced_weights(groups: Sequence[str], elevations: Sequence[float], power: 
     neighbors = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
     weight = np.array([sizes[group] for group in groups], dtype=np.float64) ** -0.5 * neighbors**-power
     return np.asarray(weight / max(weight.sum(), 1e-12))
-
-
-def _auto_exposure_gain(linear: NDArray[np.floating]) -> float:
-    """The factor that brings a scene-referred view (H, W, 3) to a photo's exposure, its brighter parts near white.
-
-    Args:
-        linear: (H, W, 3) linear Rec.709 in any unit.
-    """
-    return float(_WHITE / max(float(np.percentile(luminance(linear), _WHITE_PERCENTILE)), _MIN_WHITE))
 
 
 @dataclass(frozen=True)
@@ -258,9 +245,10 @@ def crop_panorama(source: Source, camera: Camera, spec: ModelSpec, sharpness: fl
         sharpness: share of the canvas's resolution that is kept, in (0, 1].
     """
     width, height = fit_size(round(1000 * camera.aspect), 1000, spec)
-    kernel = _KERNELS[source.panorama.kind]
+    kernel, gain = _KERNELS[source.panorama.kind], 1.0
     linear = resize(_view(source, camera, width, height, sharpness), width, height, kernel)
-    gain = _auto_exposure_gain(linear) if source.panorama.kind == "hdr" else 1.0
+    if source.panorama.kind == "hdr":  # any unit: its brighter parts become nearly white
+        gain = float(_WHITE / max(float(np.percentile(luminance(linear), _WHITE_PERCENTILE)), _MIN_WHITE))
     side = -1.0 if camera.mirrored else 1.0
     label = source.label
     nan = math.nan
@@ -277,21 +265,9 @@ def crop_panorama(source: Source, camera: Camera, spec: ModelSpec, sharpness: fl
     )
 
 
-def native_longer_side(source: Source, camera: Camera) -> int:
-    """Pixels along the longer side of a picture that is as fine as its panorama.
-
-    One that is finer shows the panorama's own rows and columns, which are horizontals and verticals of the world.
-
-    Args:
-        source: the panorama.
-        camera: how the picture is taken.
-    """
-    return int(max(camera.aspect, 1.0) * _finest(source, camera))
-
-
 def _view(source: Source, camera: Camera, width: int, height: int, sharpness: float) -> NDArray[np.float32]:
     """Linear samples of a camera's view, at most (height, width), no finer than the panorama or `sharpness` allow."""
-    finest = _finest(source, camera)
+    finest = native_rows(source, camera)
     rows = max(8, round(min(height * sharpness, finest)))
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
@@ -302,19 +278,16 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     return decode_srgb(np.round(sampled).astype(np.uint8)) if ldr else sampled
 
 
-def is_resolved(source: Source, camera: Camera, rows: float) -> bool:
-    """Whether the panorama has `rows` pixels along the view's height; if not, its blur tells the field of view.
+def native_rows(source: Source, camera: Camera) -> float:
+    """How many of the panorama's pixels lie along the view's height.
+
+    A picture with more rows shows the panorama's own rows and columns, which are horizontals and verticals of the
+    world. The blur of one with fewer than it should have tells the field of view.
 
     Args:
         source: the panorama.
         camera: how the view is taken.
-        rows: pixels.
     """
-    return _finest(source, camera) >= rows
-
-
-def _finest(source: Source, camera: Camera) -> float:
-    """Panorama pixels along the view's height."""
     return float(source.levels[0].shape[0] / 180.0 * camera.vertical_fov)
 
 

@@ -11,14 +11,13 @@ often.
 import argparse
 import io
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.data.panoramas import Panorama, linearize, read_index, read_picture
+from export.data.panoramas import Panorama, read_index, read_linear_panorama
 from lighting.color import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap.appearance import KIND_FEATURES, PLACE_KINDS
 from lighting.envmap.detail_library import (
@@ -31,7 +30,6 @@ from lighting.envmap.detail_library import (
     cell_features,
     class_features,
 )
-from lighting.envmap.latlong import shrink_envmap
 from lighting.geometry import (
     Floats,
     Pinhole,
@@ -46,7 +44,7 @@ from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
 from lighting.prediction import photo_segments
 
-_LICENCE = "poly haven"  # in the field of a row whose panorama may ship
+_LICENCE = "poly haven"  # beside "cc0" in the field of a row whose panorama may ship
 _LEFT_OUT = (
     *("mfecane_1189", "mfecane_1213"),  # others show the same
     *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
@@ -82,12 +80,7 @@ _ROW = np.dtype(
     ]
 )
 
-_BRIGHT, _BRIGHT_SHARE, _MEAN = (
-    0.9,
-    0.95,
-    0.25,
-)  # exposure: most of the pixels darker than _BRIGHT, the mean under _MEAN
-_MIDDLE = slice(1, 3)  # quarters of the rows by which a panorama is exposed
+_BRIGHT, _BRIGHT_SHARE, _MEAN = 0.9, 0.95, 0.25  # exposure: most pixels darker than _BRIGHT, the mean under _MEAN
 _GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, as it was beyond the second
 _SKY_LUMINANCE = 0.3
 _VIEW_STEP, _VIEW_FOV = 30, 60.0  # deg between the views in which classes are looked for; deg, vertical
@@ -104,11 +97,13 @@ def make_detail_library(data: Path) -> tuple[NDArray[np.void], bytes]:
     Args:
         data: folder of panoramas.
     """
-    chosen = [p for p in read_index(data, "train") if _may_ship(p) and p.name not in _LEFT_OUT]
+    licences = ((p, p.licence.lower()) for p in read_index(data, "train") if p.name not in _LEFT_OUT)
+    chosen = [panorama for panorama, licence in licences if _LICENCE in licence and "cc0" in licence]
     linear = [_prepare(p) for p in chosen]
     pictures = [_encode(one) for one in linear]
     low, high = FEATURE_RANGE
-    features = np.stack([_features(one) for one in linear])
+    model = Model.load()  # tells what views show
+    features = np.stack([_features(one, model) for one in linear])
     table = np.zeros(len(chosen), _ROW)
     table["name"] = [p.name for p in chosen]
     table["size"] = [len(picture) for picture in pictures]
@@ -165,22 +160,11 @@ def write_detail_library(file: Path, table: NDArray[np.void], weights: NDArray[n
         stream.write(pictures)
 
 
-def _may_ship(panorama: Panorama) -> bool:
-    """Whether a panorama's licence is Poly Haven's CC0.
-
-    Args:
-        panorama: a row of the index.
-    """
-    licence = panorama.licence.lower()
-    return _LICENCE in licence and "cc0" in licence
-
-
 def _prepare(panorama: Panorama) -> NDArray[np.float32]:
     """A panorama (PICTURE_ROWS, 2 PICTURE_ROWS, 3), linear, 0 to 1, without its sun."""
-    linear = shrink_envmap(linearize(panorama, read_picture(panorama)), PICTURE_ROWS)
+    linear = read_linear_panorama(panorama, PICTURE_ROWS)
     if panorama.kind == "hdr":
-        quarter = len(linear) // 4
-        bright = luminance(linear[_MIDDLE.start * quarter : _MIDDLE.stop * quarter])
+        bright = luminance(linear[len(linear) // 4 : 3 * len(linear) // 4])  # the middle rows
         limit = float(np.quantile(bright, _BRIGHT_SHARE))
         linear = linear * np.float32(min(_BRIGHT / limit, _MEAN / float(np.minimum(bright, limit).mean())))
     linear = np.clip(linear, 0, 1)
@@ -208,18 +192,18 @@ def _remove_glare(linear: NDArray[np.float32], sun: NDArray[np.floating]) -> Non
     distance = angle_between(latlong_directions(len(linear))[:rows], sun)
     share = np.clip((_GLARE_DEG[1] - distance) / (_GLARE_DEG[1] - _GLARE_DEG[0]), 0, 1)[..., None]
     bright = (luminance(sky)[..., None] > _SKY_LUMINANCE).astype(np.float32)  # trees before the sun stay
-    kernels = _gaussian(rows, len(linear), wraps=False), _gaussian(2 * len(linear), len(linear), wraps=True)
-    total, weight = (
-        np.einsum("ij,jkc,kl->ilc", kernels[0], x, kernels[1], optimize=True) for x in (bright * sky, bright)
-    )
+    sizes = rows, 2 * len(linear)
+    vertical, horizontal = (_gaussian(n, len(linear), _GLARE_DEG[0]).astype(np.float32) for n in sizes)
+    values = bright * sky, bright
+    total, weight = (np.einsum("ij,jkc,kl->ilc", vertical, x, horizontal, optimize=True) for x in values)
     sky += (share * bright * (total / np.maximum(weight, 1e-3) - sky)).astype(np.float32)
 
 
-def _gaussian(count: int, rows: int, wraps: bool) -> NDArray[np.float32]:
-    """Weights (count, count) of a normal distribution of _GLARE_DEG[0] between pixels of a map of some rows."""
+def _gaussian(count: int, rows: int, std: float) -> Floats:
+    """Weights (count, count) of a normal distribution [deg] between pixels of a map of some rows; columns wrap."""
     distance = np.abs(np.arange(count)[:, None] - np.arange(count))
-    distance = np.minimum(distance, count - distance) if wraps else distance
-    return np.asarray(np.exp(-0.5 * (distance * (180.0 / rows) / _GLARE_DEG[0]) ** 2), dtype=np.float32)
+    distance = np.minimum(distance, count - distance) if count == 2 * rows else distance
+    return np.asarray(np.exp(-0.5 * (distance * (180.0 / rows) / std) ** 2))
 
 
 def _encode(linear: NDArray[np.float32]) -> bytes:
@@ -227,14 +211,14 @@ def _encode(linear: NDArray[np.float32]) -> bytes:
     return stream.getvalue()
 
 
-def _features(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+def _features(linear: NDArray[np.float32], model: Model) -> NDArray[np.float32]:
     """The FEATURES (F, FEATURE_ROWS, 2 FEATURE_ROWS) of a panorama."""
     step = len(linear) / FEATURE_ROWS
     rows = np.arange(0, len(linear), 2)
     columns = np.arange(0, 2 * len(linear), 2)
     cell = (rows // step).astype(np.intp)[:, None] * 2 * FEATURE_ROWS + (columns // step).astype(np.intp)
     shown, _ = cell_features(linear[::2, ::2].reshape(-1, 3), cell.reshape(-1))
-    return np.concatenate([shown, _smooth(shown[0])[None], _classes(linear)])
+    return np.concatenate([shown, _smooth(shown[0])[None], _classes(linear, model)])
 
 
 def level_views(linear: NDArray[np.float32]) -> Iterator[tuple[Floats, Photo]]:
@@ -261,13 +245,7 @@ def library_pictures(table: NDArray[np.void], pictures: bytes) -> Iterator[NDArr
             yield SRGB_LINEAR[np.asarray(picture.convert("RGB"))]
 
 
-@cache
-def _model() -> Model:
-    """The network of this package, which tells what views show."""
-    return Model.load()
-
-
-def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+def _classes(linear: NDArray[np.float32], model: Model) -> NDArray[np.float32]:
     """Probabilities of FEATURE_CLASSES (C, FEATURE_ROWS, 2 FEATURE_ROWS) by views all around.
 
     Rows above and below the views have those of the nearest row.
@@ -275,7 +253,7 @@ def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     shape = FEATURE_ROWS, 2 * FEATURE_ROWS
     total, count = np.zeros((len(FEATURE_CLASSES), *shape)), np.zeros(shape)
     for directions, photo in level_views(linear):
-        segments = photo_segments(_model().predict_one(photo).segments, photo.width, photo.height)
+        segments = photo_segments(model.predict_one(photo).segments, photo.width, photo.height)
         assert segments is not None
         x, y = np.moveaxis(latlong_pixel(directions, FEATURE_ROWS), -1, 0)
         cell = np.minimum(y, FEATURE_ROWS - 1).astype(np.intp) * shape[1] + x.astype(np.intp) % shape[1]
@@ -290,14 +268,9 @@ def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
 def _smooth(cells: NDArray[np.float32]) -> NDArray[np.float32]:
     """Cells smoothed within each half; columns wrap."""
     rows, columns = cells.shape
-    spacing = 180.0 / rows
-    index = np.arange(columns)
-    around = np.minimum(np.abs(index[:, None] - index), columns - np.abs(index[:, None] - index))
-    across = np.abs(np.arange(rows)[:, None] - np.arange(rows))
     half = np.arange(rows) < rows // 2
-    kernels = [np.exp(-0.5 * (d * spacing / _BROAD_DEG) ** 2) for d in (across, around)]
-    kernels[0] = kernels[0] * (half[:, None] == half)
-    vertical, horizontal = (k / k.sum(axis=1, keepdims=True) for k in kernels)
+    across, around = (_gaussian(count, rows, _BROAD_DEG) for count in (rows, columns))
+    vertical, horizontal = (k / k.sum(axis=1, keepdims=True) for k in (across * (half[:, None] == half), around))
     return np.asarray(vertical @ cells @ horizontal.T, dtype=np.float32)
 
 

@@ -135,53 +135,8 @@ def _choose_sun(panorama: Panorama, detected: DetectedSun | None) -> tuple[float
     return detected.azimuth, detected.elevation, max(2.0, detected.radius / 2), "found"
 
 
-@dataclass(frozen=True)
-class _Agreement:
-    """How `find_sun` agrees with the suns of the index."""
-
-    visible: int  # panoramas whose sun the index states and the picture shows
-    detected: int  # of these, a sun was detected
-    error_25: float  # deg, quartiles of the angle between both
-    error_50: float
-    error_75: float
-    outlier_rate: float  # share of the detected ones that are more than 20 deg off
-    overcast: int  # panoramas without a sun
-    rejected: int  # of these, none was detected
-
-    def __str__(self) -> str:
-        return (
-            f"sun found in {self.detected} of {self.visible}, off by {self.error_50:.2f} deg in the median "
-            f"(quartiles {self.error_25:.2f} and {self.error_75:.2f}), {self.outlier_rate:.1%} by more than 20 deg. "
-            f"No sun found in {self.rejected} of {self.overcast} without one"
-        )
-
-
-@dataclass(frozen=True)
-class _RenderedCheck:
-    """How labels of rendered panoramas agree with what they were rendered from."""
-
-    rendered: int  # panoramas with a visible sun
-    detected: int
-    sun_error: float  # deg, median
-    fitted: int  # with the true sun
-    turbidity_error: float  # median of the absolute
-    exposure_error: float  # median of |log|
-
-    def __str__(self) -> str:
-        return (
-            f"sun found in {self.detected} of {self.rendered}, off by {self.sun_error:.2f} deg in the median; "
-            f"sky fitted in {self.fitted}, turbidity off by {self.turbidity_error:.3f} "
-            f"and exposure by {self.exposure_error:.2%} in the median"
-        )
-
-
-def _sun_agreement(panoramas: Iterable[Panorama], labels: Iterable[Label]) -> _Agreement:
-    """Detected suns against those of the index, over the panoramas whose sun it states as visible or as none.
-
-    Args:
-        panoramas: rows of the index.
-        labels: theirs, in any order.
-    """
+def _sun_agreement(panoramas: Iterable[Panorama], labels: Iterable[Label]) -> str:
+    """Detected suns against those of the index, over the panoramas whose sun it states as visible or as none."""
     by_name = {label.name: label for label in labels}
     pairs = [(panorama.sun, by_name[panorama.name]) for panorama in panoramas]
     visible = [label for sun, label in pairs if sun == "visible" and label.sun_source == "given"]
@@ -190,7 +145,11 @@ def _sun_agreement(panoramas: Iterable[Panorama], labels: Iterable[Label]) -> _A
     low, median, high = (float(v) for v in np.percentile(errors, [25, 50, 75])) if len(errors) else [math.nan] * 3
     outlier_rate = float((errors > _OUTLIER).mean()) if len(errors) else math.nan
     rejected = sum(math.isnan(label.found_azimuth) for label in overcast)
-    return _Agreement(len(visible), len(errors), low, median, high, outlier_rate, len(overcast), rejected)
+    return (
+        f"sun found in {len(errors)} of {len(visible)}, off by {median:.2f} deg in the median "
+        f"(quartiles {low:.2f} and {high:.2f}), {outlier_rate:.1%} by more than 20 deg. "
+        f"No sun found in {rejected} of {len(overcast)} without one"
+    )
 
 
 def _sun_error(label: Label) -> float:
@@ -198,19 +157,23 @@ def _sun_error(label: Label) -> float:
     return float(angle_between(direction(label.found_azimuth, label.found_elevation), true))
 
 
-def _check_rendered() -> _RenderedCheck:
-    """Label rendered clear skies, clipped to 8 bits like a photo, half of them with buildings and trees."""
+def _check_rendered() -> str:
+    """How labels of rendered clear skies agree with the truth: clipped to 8 bits, half with buildings and trees."""
     scenes = [render_panorama(seed, _RENDERED_ROWS, things=8 * (seed % 2)) for seed in range(_RENDERED_SKIES)]
     scenes = [scene for scene in scenes if scene.sun_visible]
-    pictures = [decode_srgb(scene.picture) for scene in scenes]
-    suns = [direction(scene.sun_azimuth or 0.0, scene.sun_elevation or 0.0) for scene in scenes]
-    detected = [(find_sun(picture), sun) for picture, sun in zip(pictures, suns, strict=True)]
-    fits = [(fit_sky(picture, sun), scene) for picture, sun, scene in zip(pictures, suns, scenes, strict=True)]
-    sun_errors = [float(angle_between(one.direction, sun)) for one, sun in detected if one]
-    turbidity = [abs(fit.turbidity - (scene.turbidity or 0.0)) for fit, scene in fits if fit]
-    exposure = [abs(math.log(fit.exposure / scene.exposure)) for fit, scene in fits if fit]
-    medians = [float(np.median(errors)) for errors in (sun_errors, turbidity, exposure)]
-    return _RenderedCheck(len(scenes), len(sun_errors), medians[0], len(turbidity), medians[1], medians[2])
+    sun_errors, turbidity, exposure = [], [], []
+    for scene in scenes:
+        picture, sun = decode_srgb(scene.picture), direction(scene.sun_azimuth or 0.0, scene.sun_elevation or 0.0)
+        if detected := find_sun(picture):
+            sun_errors.append(float(angle_between(detected.direction, sun)))
+        if fit := fit_sky(picture, sun):
+            turbidity.append(abs(fit.turbidity - (scene.turbidity or 0.0)))
+            exposure.append(abs(math.log(fit.exposure / scene.exposure)))
+    return (
+        f"sun found in {len(sun_errors)} of {len(scenes)}, off by {np.median(sun_errors):.2f} deg in the median; "
+        f"sky fitted in {len(turbidity)}, turbidity off by {np.median(turbidity):.3f} "
+        f"and exposure by {np.median(exposure):.2%} in the median"
+    )
 
 
 def check_labels(data: Path, labels: Path) -> tuple[str, ...]:

@@ -76,9 +76,10 @@ _CHOICES = {
 }
 _NUMBERS = {"sun_azimuth": (-180.0, 180.0), "sun_elevation": (-90.0, 90.0), "sun_uncertainty": (0.0, 180.0)}  # deg
 
+COLUMNS_OF_INDEX = (*REQUIRED, "sun", *_NUMBERS, *_OPTIONAL[1:])
+
 LABELS_PATCH = Path(__file__).with_name("labels_patch.csv")
 _PATCHED = ("sun", *_NUMBERS, "direct")
-RENDERED = ("rendered", "rendered", "CC0")  # scene, label and licence of panoramas that we render
 
 _PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
 _RESTRICTED = re.compile(r"\b(none|unknown|as repo|likely|nc|nd|sa|non-?commercial|no ?derivatives|share-?alike)\b")
@@ -127,36 +128,20 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
         licensed_only: keep the rows that `is_permissive` accepts.
     """
     root = Path(folder).resolve()
+    if not root.is_dir():
+        raise DataError(f"There is no folder {root}.")
+    if not (root / INDEX).exists():
+        raise DataError(f"The folder {root} has no {INDEX}.")
     patch = _read_patch(LABELS_PATCH)
     panoramas = [
         _parse_panorama(root, {**row, **patch.get(row["name"].strip(), {})}, f"{root / INDEX}, line {line}")
-        for line, row in enumerate(_read_rows(root), start=2)
+        for line, row in enumerate(read_table(root / INDEX, REQUIRED), start=2)
     ]
     _check_names_and_places(panoramas)
     kept = [p for p in panoramas if split in (None, p.split)]
     if split and not kept:
         raise DataError(f"No row of {root / INDEX} is of the split {split}.")
     return [p for p in kept if not licensed_only or is_permissive(p.licence)]
-
-
-def write_index(panoramas: Sequence[Panorama], folder: Path) -> None:
-    """Write the index of a folder; the file appears whole or not at all.
-
-    Args:
-        panoramas: whose pictures the folder holds.
-        folder: to write to.
-    """
-    columns = (*REQUIRED, *_OPTIONAL[:1], *_NUMBERS, *_OPTIONAL[1:])
-    root = folder.resolve()
-    rows = ([_format_field(panorama, column, root) for column in columns] for panorama in panoramas)
-    write_table(folder / INDEX, columns, rows)
-
-
-def _format_field(panorama: Panorama, column: str, root: Path) -> str:
-    if column == "file":
-        return panorama.path.relative_to(root).as_posix()
-    value = getattr(panorama, column)
-    return f"{value:.3f}" if isinstance(value, float) else value or ""
 
 
 def is_permissive(licence: str) -> bool:
@@ -171,14 +156,6 @@ def is_permissive(licence: str) -> bool:
     """
     text = licence.lower().replace("_", " ")
     return bool(_PERMISSIVE.search(text)) and not _RESTRICTED.search(text)
-
-
-def _read_rows(root: Path) -> list[dict[str, str]]:
-    if not root.is_dir():
-        raise DataError(f"There is no folder {root}.")
-    if not (root / INDEX).exists():
-        raise DataError(f"The folder {root} has no {INDEX}.")
-    return read_table(root / INDEX, REQUIRED)
 
 
 def _read_patch(path: Path) -> dict[str, dict[str, str]]:
@@ -217,21 +194,16 @@ def _check_values(row: Mapping[str, str], where: str) -> dict[str, float | None]
     for key, allowed in _CHOICES.items():
         if key in row and row[key] not in allowed:
             raise DataError(f"{where}: {key} is {row[key]!r}, not one of {', '.join(filter(None, allowed))}.")
-    return {key: _parse_number(row, key, where) for key in _NUMBERS}
-
-
-def _parse_number(row: Mapping[str, str], key: str, where: str) -> float | None:
-    text = (row.get(key) or "").strip()
-    if not text:
-        return None
-    low, high = _NUMBERS[key]
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise DataError(f"{where}: {key} is {text!r}, not a number from {low:g} to {high:g}.")
-    return value
+    numbers: dict[str, float | None] = dict.fromkeys(_NUMBERS)
+    for key, (low, high) in _NUMBERS.items():
+        if text := (row.get(key) or "").strip():
+            try:
+                numbers[key] = value = float(text)
+            except ValueError:
+                value = math.nan
+            if not low <= value <= high:
+                raise DataError(f"{where}: {key} is {text!r}, not a number from {low:g} to {high:g}.")
+    return numbers
 
 
 def _check_names_and_places(panoramas: Iterable[Panorama]) -> None:

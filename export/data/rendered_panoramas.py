@@ -3,14 +3,16 @@
 Their truth is exact: they check the labels, and they test training without a single photo.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.data.panoramas import RENDERED, Panorama, write_index
+from export.data.panoramas import COLUMNS_OF_INDEX, INDEX, write_table
 from lighting.color import luminance, tone_map
 from lighting.files import atomic_write
 from lighting.geometry import (
@@ -32,16 +34,8 @@ _GLARE = ((0.6, 0.97), (2.5, 0.03))  # the lens blurs the sun: width [deg] and s
 _HAZE = 120.0  # m at which half of a thing's color is the horizon's
 
 
-@dataclass(frozen=True)
-class _Things:
-    """B boxes and S balls, with one albedo each; corners, centers and albedos are (B, 3) or (S, 3)."""
-
-    low: Floats
-    high: Floats
-    box_albedo: Floats
-    center: Floats
-    radius: Floats  # (S,)
-    ball_albedo: Floats
+# Boxes and balls: what takes points and rays (N, 3) to distances (N,) and normals (N, 3), and the albedo (3,).
+_Things = list[tuple[Callable[[Floats, Floats], tuple[Floats, Floats]], Floats]]
 
 
 def _scatter_things(rng: np.random.Generator, count: int) -> _Things:
@@ -55,7 +49,11 @@ def _scatter_things(rng: np.random.Generator, count: int) -> _Things:
     center = foot[boxes:] + radius[:, None] * [0, 1.3, 0]
     walls = rng.uniform(0.15, 0.6, (boxes, 1)) * rng.uniform(0.8, 1.2, (boxes, 3))
     leaves = rng.uniform(0.5, 1.0, (balls, 1)) * [0.08, 0.14, 0.05]
-    return _Things(foot[:boxes] - half, foot[:boxes] + half + roof, walls, center, radius, leaves)
+    lows, highs = foot[:boxes] - half, foot[:boxes] + half + roof
+    return [
+        *((partial(_hit_box, low=low, high=high), wall) for low, high, wall in zip(lows, highs, walls, strict=True)),
+        *((partial(_hit_ball, center=c, radius=r), leaf) for c, r, leaf in zip(center, radius, leaves, strict=True)),
+    ]
 
 
 def _blocked(origin: Floats, sun: Floats, things: _Things) -> NDArray[np.bool_]:
@@ -66,11 +64,8 @@ def _blocked(origin: Floats, sun: Floats, things: _Things) -> NDArray[np.bool_]:
 def _nearest(origin: Floats, rays: Floats, things: _Things) -> tuple[Floats, Floats, Floats]:
     """Distance (N,), inf where nothing is met, normal (N, 3) and albedo (N, 3) of the nearest thing along each ray."""
     distance, normal, albedo = np.full(len(rays), np.inf), np.zeros(rays.shape), np.zeros(rays.shape)
-    boxes = zip(things.low, things.high, things.box_albedo, strict=True)
-    hits = [(_hit_box(origin, rays, low, high), color) for low, high, color in boxes]
-    balls = zip(things.center, things.radius, things.ball_albedo, strict=True)
-    hits += [(_hit_ball(origin, rays, center, radius), color) for center, radius, color in balls]
-    for (reach, facing), color in hits:
+    for hit, color in things:
+        reach, facing = hit(origin, rays)
         closer = reach < distance
         distance = np.where(closer, reach, distance)
         normal[closer], albedo[closer] = facing[closer], color
@@ -157,22 +152,19 @@ def render_folder(folder: str | Path, count: int, height: int = 64, seed: int = 
     """
     root = Path(folder).resolve()
     (root / "panoramas").mkdir(parents=True, exist_ok=True)
-    panoramas = []
+    rows = []
     for number in range(count):
         rendered = render_panorama(seed + number, height, overcast=number % 4 == 3)
-        panoramas.append(_index_row(rendered, number, root))
-        with atomic_write(panoramas[-1].path) as temporary:
+        name, place = f"rendered_{number:04d}", number // 2
+        with atomic_write(root / "panoramas" / f"{name}.webp") as temporary:
             Image.fromarray(rendered.picture).save(temporary, lossless=True)
-    write_index(panoramas, root)
-
-
-def _index_row(rendered: RenderedPanorama, number: int, root: Path) -> Panorama:
-    name, place = f"rendered_{number:04d}", number // 2
-    sun = "none" if rendered.sun_azimuth is None else "visible" if rendered.sun_visible else "inferred"
-    path, split = root / "panoramas" / f"{name}.webp", "val" if place % 3 == 2 else "train"
-    angles_of_sun = rendered.sun_azimuth, rendered.sun_elevation, None if sun == "none" else 1.0
-    direct = {"none": "no", "visible": "yes", "inferred": "partly"}[sun]
-    return Panorama(name, path, "ldr", f"place_{place:03d}", split, sun, *angles_of_sun, direct, *RENDERED)
+        sun = "none" if rendered.sun_azimuth is None else "visible" if rendered.sun_visible else "inferred"
+        angles_of_sun = rendered.sun_azimuth, rendered.sun_elevation, None if sun == "none" else 1.0
+        direct = {"none": "no", "visible": "yes", "inferred": "partly"}[sun]
+        listed = name, f"panoramas/{name}.webp", "ldr", f"place_{place:03d}", "val" if place % 3 == 2 else "train"
+        texts = ("" if angle is None else f"{angle:.3f}" for angle in angles_of_sun)
+        rows.append((*listed, sun, *texts, direct, "rendered", "rendered", "CC0", "", ""))  # scene, label and licence
+    write_table(root / INDEX, COLUMNS_OF_INDEX, rows)
 
 
 def _measure_light(sky: Floats, sun: Floats | None, turbidity: float) -> _Light:

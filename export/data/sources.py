@@ -26,8 +26,8 @@ class _SourceRow:
     file: str
     split: str
     networks: str = ""  # versions of those that learnt from it, by spaces
-    place: str  # of a panorama
-    stitched: str  # "yes" for a panorama made of tiles or cube faces; "no" for one published as it is
+    place: str = ""  # of a panorama
+    stitched: str = ""  # "yes" for a panorama made of tiles or cube faces; "no" for one published as it is
     sun: str  # of a panorama as in its index; of a photo "known" or "unknown"
     sun_azimuth: str
     sun_elevation: str
@@ -82,25 +82,20 @@ def _read_taught_files(folder: Path) -> set[str]:
 
 
 def _panorama_row(panorama: Panorama, root: Path) -> _SourceRow:
-    address, path, version = _split_source(panorama.source)
+    published = _published_fields(panorama.source, panorama.licence, panorama.path)
     return _SourceRow(
         table=INDEX,
         file=panorama.path.relative_to(root).as_posix(),
         split=panorama.split,
         place=panorama.place,
-        stitched="yes" if _is_stitched(path, panorama.notes) else "no",
+        stitched="yes" if _is_stitched(published["path"], panorama.notes) else "no",
         sun=panorama.sun,
         sun_azimuth=_format_angle(panorama.sun_azimuth),
         sun_elevation=_format_angle(panorama.sun_elevation),
         sun_uncertainty=_format_angle(panorama.sun_uncertainty),
         direct=panorama.direct,
         label=panorama.label,
-        licence=panorama.licence or "unknown",
-        permissive="yes" if is_permissive(panorama.licence) else "no",
-        address=address,
-        path=path,
-        version=version,
-        sha256=_hash_file(panorama.path),
+        **published,
     )
 
 
@@ -109,26 +104,17 @@ def _photo_rows(data: Path, name: str) -> Iterator[_SourceRow]:
     if not (data / name).is_file():
         return
     for row in read_table(data / name, ("file",)):
-        licence = row.get("licence", "")
-        address, path, version = _split_source(row.get("source", ""))
         yield _SourceRow(
             table=name,
             file=row["file"],
             split=_PHOTO_TABLES[name],
-            place="",
-            stitched="",
             sun="known" if row.get("sun_elevation") else "unknown",
             sun_azimuth=row.get("sun_azimuth", ""),
             sun_elevation=row.get("sun_elevation", ""),
             sun_uncertainty=row.get("expected_azimuth_error", ""),
             direct=row.get("direct", ""),
             label=row.get("label_source") or row.get("kind", ""),
-            licence=licence or "unknown",
-            permissive="yes" if is_permissive(licence) else "no",
-            address=address,
-            path=path,
-            version=version,
-            sha256=_hash_file(data / row["file"]),
+            **_published_fields(row.get("source", ""), row.get("licence", ""), data / row["file"]),
         )
 
 
@@ -136,13 +122,21 @@ def _format_angle(angle: float | None) -> str:
     return "" if angle is None else f"{angle:g}"
 
 
-def _split_source(source: str) -> tuple[str, str, str]:
-    """Address, path and version of OWNER/REPOSITORY:PATH@VERSION or pypi-PACKAGE:PATH; the address may be unknown."""
+def _published_fields(source: str, licence: str, file: Path) -> dict[str, str]:
+    """The fields from `licence` on, without `commit`, of a picture whose source is OWNER/REPOSITORY:PATH@VERSION.
+
+    A source may be pypi-PACKAGE:PATH as well; the address may be unknown.
+    """
     where, _, path = source.partition(":")
     path, _, version = path.partition("@")
+    address = f"https://github.com/{where}" if where.count("/") == 1 else ""
     if where.startswith("pypi-"):
-        return f"https://pypi.org/project/{where.removeprefix('pypi-')}/", path, version
-    return (f"https://github.com/{where}" if where.count("/") == 1 else ""), path, version
+        address = f"https://pypi.org/project/{where.removeprefix('pypi-')}/"
+    return {
+        "licence": licence or "unknown",
+        "permissive": "yes" if is_permissive(licence) else "no",
+        **{"address": address, "path": path, "version": version, "sha256": _hash_file(file)},
+    }
 
 
 def _is_stitched(path: str, notes: str) -> bool:

@@ -9,26 +9,38 @@ import numpy as np
 from export.crops.crops import Source, crop_panorama, load_sources
 from export.data.labels import Label, read_labels_of
 from export.data.panoramas import read_index, write_table
-from export.evaluation.diagnostics import ScoredCrops, diagnostic_sections
+from export.evaluation.failures import draw_contact_sheet, failures_report, find_worst_crops, write_failures
 from export.evaluation.irradiance import light_report
 from export.evaluation.metadata import evidence_report, in_view_evidence, simulate_metadata
-from export.evaluation.metrics import select_crops, sun_error
-from export.evaluation.metrics_file import NetworkMetrics, collect_metrics, write_metrics
+from export.evaluation.metrics import Answers, Truth, select_crops, sun_error
+from export.evaluation.metrics_file import collect_metrics, write_metrics
 from export.evaluation.multi_view import groups_report
 from export.evaluation.predictions import (
     CROPS_EACH,
+    View,
     decode_answers,
     load_models,
     predict_views,
     protocol_views,
     sun_centered_views,
 )
-from export.evaluation.report import baseline_answers, format_report, in_view_report, photo_report, stated_figures
-from export.evaluation.trust import trust_report
+from export.evaluation.reliability import draw_reliability, reliability_curves, reliability_report, temperature_report
+from export.evaluation.report import (
+    CONSTANT,
+    baseline_answers,
+    format_report,
+    in_view_report,
+    photo_report,
+    stated_figures,
+    trust_report,
+    turbidity_report,
+)
 from lighting.color import tone_map
 from lighting.files import atomic_write
 from lighting.model import Model
+from lighting.prediction import Prediction
 
+RELIABILITY_FILE = "reliability.png"
 _PROTOCOLS = ("paper", "phone")  # of cameras
 _PHOTOS = "photos.csv"
 
@@ -47,15 +59,24 @@ class Options:
 
 
 @dataclass(frozen=True)
-class _Evaluation:
-    """The report in Markdown, and all its figures."""
+class ScoredCrops:
+    """The answers for the crops of one protocol."""
 
-    report: str
-    metrics: NetworkMetrics
+    views: Sequence[View]
+    truth: Truth
+    predictions: Sequence[Prediction]  # of our network
+    with_lens: Sequence[Prediction]  # the same, of photos that state their lens
+    answers: dict[str, Answers]  # of each method, our network first
+    network_answers: dict[str, Answers]  # of each network without what else the pictures show
+
+    @property
+    def ours(self) -> str:
+        """The name of our network."""
+        return next(iter(self.answers))
 
 
-def evaluate_networks(options: Options) -> _Evaluation:
-    """Score the networks on the `val` split; write the report, and its figures as metrics.json.
+def evaluate_networks(options: Options) -> str:
+    """Score the networks on the `val` split; write the report, and its figures as metrics.json; returns the report.
 
     Args:
         options: data, networks, what the report holds and where it goes.
@@ -79,9 +100,8 @@ def evaluate_networks(options: Options) -> _Evaluation:
         path.write_text(text)
     ours = next(iter(models))
     figures = {p: stated_figures(c.truth, c.answers[ours]) for p, c in crops.items()}
-    metrics = collect_metrics(options.models[0], options.data, text, figures, ours)
-    write_metrics(metrics, options.out)
-    return _Evaluation(text, metrics)
+    write_metrics(collect_metrics(options.models[0], options.data, text, figures, ours), options.out)
+    return text
 
 
 def _score(models: dict[str, Model], training: list[Label], sources: list[Source], protocol: str) -> ScoredCrops:
@@ -97,7 +117,7 @@ def _score(models: dict[str, Model], training: list[Label], sources: list[Source
 def _sections(
     options: Options, models: dict[str, Model], sources: list[Source], crops: dict[str, ScoredCrops]
 ) -> list[str]:
-    sections = [format_report(p, c.truth, c.answers, c.network_answers, c.ours) for p, c in crops.items()]
+    sections = [format_report(p, c.truth, c.answers, c.network_answers) for p, c in crops.items()]
     sections += _sun_in_view(sources, models)
     if (options.data / _PHOTOS).exists():
         sections.append(photo_report(options.data / _PHOTOS, models))
@@ -109,6 +129,36 @@ def _sections(
     if options.with_metadata:
         sections += [section for protocol, c in scored.items() for section in _metadata_sections(protocol, c)]
     return sections
+
+
+def diagnostic_sections(scored: dict[str, ScoredCrops], out: Path, *, failures: bool) -> list[str]:
+    """The sections about the protocols that have a sun to score; writes reliability.png.
+
+    Args:
+        scored: by protocol.
+        out: folder for the pictures.
+        failures: write failures.csv and failures.png as well.
+    """
+    levels = {protocol: reliability_curves(crops.truth, crops.predictions) for protocol, crops in scored.items()}
+    sections = [reliability_report(protocol, curves) for protocol, curves in levels.items()]
+    sections += [temperature_report(protocol, crops.truth, crops.predictions) for protocol, crops in scored.items()]
+    if levels:
+        draw_reliability(levels, out / RELIABILITY_FILE)
+    if "paper" in scored:
+        sections += _paper_sections(scored["paper"], out, failures=failures)
+    return sections
+
+
+def _paper_sections(scored: ScoredCrops, out: Path, *, failures: bool) -> list[str]:
+    kind = np.array([source.panorama.kind for source, _ in scored.views])
+    ours = scored.answers[scored.ours]
+    worst = find_worst_crops(scored.truth, ours)
+    if failures:
+        write_failures(out / "failures.csv", worst, np.array([camera.azimuth for _, camera in scored.views]))
+        spec = scored.predictions[0].spec
+        pictures = [tone_map(crop_panorama(*scored.views[failure.index], spec).linear) for failure in worst]
+        draw_contact_sheet(worst, pictures, out / "failures.png")
+    return [turbidity_report("paper", scored.truth, ours, scored.answers[CONSTANT], kind), failures_report(worst)]
 
 
 def _sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str]:

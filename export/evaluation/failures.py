@@ -70,23 +70,19 @@ def find_worst_crops(truth: Truth, answers: Answers) -> list[Failure]:
         truth: of N crops.
         answers: of the same crops.
     """
-    error = np.where(truth.scored, sun_error(truth, answers), -np.inf)
+    errors = [of(truth, answers) for of in (sun_error, azimuth_error, elevation_error)]
+    ranking = np.argsort(-np.where(truth.scored, errors[0], -np.inf), kind="stable")[: np.count_nonzero(truth.scored)]
     count: Counter[str] = Counter()
-    chosen: list[int] = []
-    for i in np.argsort(-error, kind="stable")[: np.count_nonzero(truth.scored)]:
-        count[truth.panorama[i]] += 1
-        if count[truth.panorama[i]] <= MAX_EACH:
-            chosen.append(int(i))
-    return [_make_failure(truth, answers, i) for i in chosen[:MAX_FAILURES]]
-
-
-def _make_failure(truth: Truth, answers: Answers, index: int) -> Failure:
-    """One crop as a failure."""
-    sun, estimate = ((float(a), float(e)) for a, e in (angles(of.sun[index]) for of in (truth, answers)))
-    errors = [float(of(truth, answers)[index]) for of in (sun_error, azimuth_error, elevation_error)]
-    direct, radius = _SUNSHINE.get(float(truth.visibility[index]), ""), float(answers.radius_50[index])
-    panorama, in_view = str(truth.panorama[index]), str(truth.in_view[index])
-    return Failure(index, panorama, in_view, direct, sun, estimate, radius, *errors)
+    failures: list[Failure] = []
+    for i in ranking.tolist():
+        panorama, in_view = str(truth.panorama[i]), str(truth.in_view[i])
+        count[panorama] += 1
+        if count[panorama] <= MAX_EACH and len(failures) < MAX_FAILURES:
+            sun, estimate = ((float(a), float(e)) for a, e in (angles(of.sun[i]) for of in (truth, answers)))
+            direct, radius = _SUNSHINE.get(float(truth.visibility[i]), ""), float(answers.radius_50[i])
+            numbers = (float(error[i]) for error in errors)
+            failures.append(Failure(i, panorama, in_view, direct, sun, estimate, radius, *numbers))
+    return failures
 
 
 def failures_report(failures: Sequence[Failure]) -> str:
@@ -99,19 +95,16 @@ def failures_report(failures: Sequence[Failure]) -> str:
     panoramas = {name: len({f.panorama for f in failures if f.cause == name}) for name in CAUSES}
     rows = [[name, rule, str(counts[name]), str(panoramas[name])] for name, (rule, _) in CAUSES.items()]
     table = markdown_table(["", "rule", "crops", "panoramas"], rows)
-    return "\n\n".join(["## Where it fails", _summary(failures), table])
-
-
-def _summary(failures: Sequence[Failure]) -> str:
-    panoramas = len({f.panorama for f in failures})
     flips = sum(abs(f.azimuth_error) > FLIP for f in failures)
-    return fill(
-        f"The {len(failures)} worst crops of the `paper` protocol, at most {MAX_EACH} of a panorama ({panoramas} "
-        f"panoramas): sun errors of {failures[-1].error:.0f} to {failures[0].error:.0f}°. Each counts under the first "
-        "rule that holds: the rules ask what could be seen, then how sure the network was, then how it erred. In "
-        f"{flips} of them, whatever the cause, the sun is on the wrong side, front for back.",
+    summary = fill(
+        f"The {len(failures)} worst crops of the `paper` protocol, at most {MAX_EACH} of a panorama "
+        f"({len({f.panorama for f in failures})} panoramas): sun errors of {failures[-1].error:.0f} to "
+        f"{failures[0].error:.0f}°. Each counts under the first rule that holds: the rules ask what could be seen, "
+        f"then how sure the network was, then how it erred. In {flips} of them, whatever the cause, the sun is on the "
+        "wrong side, front for back.",
         120,
     )
+    return "\n\n".join(["## Where it fails", summary, table])
 
 
 def write_failures(path: Path, failures: Sequence[Failure], azimuth: Floats) -> None:

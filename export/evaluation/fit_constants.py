@@ -3,7 +3,7 @@
 FIT_REPORTS names them. Each fit prints the constants, and the errors with and without them.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,13 +16,20 @@ from export.crops.targets import clear_sun_to_sky_ratio, panorama_irradiance
 from export.data.panoramas import DataError, read_index, read_table
 from export.evaluation.irradiance import (
     WEATHER,
-    HdrCrops,
-    estimate_crops,
+    LitCrop,
+    estimate_crop,
     estimate_from_pixels,
     take_crops_of,
     take_hdr_crops,
 )
-from export.evaluation.metrics import Bools, Names, clustered_error, markdown_table
+from export.evaluation.metrics import (
+    Bools,
+    Names,
+    answers_from_estimates,
+    clustered_error,
+    markdown_table,
+    select_crops,
+)
 from lighting.color import luminance, tone_map
 from lighting.decoding import blend_to_clear_sun, lighting_from_prediction, sun_from_prediction
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, ground_luminance, sky_color_ratio
@@ -81,22 +88,20 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
     """
     seen_places = {panorama.place for panorama in read_index(seen)} if seen else set()
     panoramas = [p for p in read_index(data, part) if (p.sun, p.direct) in WEATHER and p.place not in seen_places]
-    crops = take_crops_of(panoramas, labels, model.spec)
     values: list[tuple[float, ...]] = []
     kinds: list[tuple[str, str]] = []
-    answers = estimate_crops(model, crops.crops)
-    rows = zip(answers, crops.truth, crops.weather, crops.views, strict=True)
-    for (estimate, place), truth, weather, (source, _) in rows:
-        light = estimate.lighting
+    for one in take_crops_of(panoramas, labels, model.spec):
+        estimate, place = estimate_crop(model, one.crop)
+        light, ground = estimate.lighting, float(luminance(one.truth.ground))
         if light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
         reflectance = estimate_ground_albedo(PhotoSamples.of_photo(place.photo, light), light)
         if reflectance is None or place.coarse_panorama is None:
             continue
         radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
-        levels = radiance, ground_luminance(place.coarse_panorama), max(float(luminance(truth.ground)), _MIN_LUMINANCE)
+        levels = radiance, ground_luminance(place.coarse_panorama), max(ground, _MIN_LUMINANCE)
         values.append((*np.log2(levels), light.sky_cover or 0.0))
-        kinds.append((str(weather), source.panorama.place))
+        kinds.append((one.weather, one.panorama.place))
     if not values:
         raise DataError(f"No crop of the panoramas of {part} that are sunny or overcast shows ground.")
     return GroundSamples(*np.array(values).T, *np.array(kinds).T)
@@ -137,9 +142,7 @@ def _balanced(grounds: GroundSamples) -> GroundSamples:
     """The same with the rarer weather repeated, so that both count alike."""
     kinds, counts = np.unique(grounds.weather, return_counts=True)
     members = [np.flatnonzero(grounds.weather == kind) for kind in kinds]
-    chosen = np.concatenate([np.resize(indices, int(counts.max())) for indices in members])
-    columns = (grounds.photo, grounds.network, grounds.true, grounds.cover, grounds.weather, grounds.place)
-    return GroundSamples(*(values[chosen] for values in columns))
+    return select_crops(grounds, np.concatenate([np.resize(indices, int(counts.max())) for indices in members]))
 
 
 # The sky's colour: how far that of the sky in a photo may be trusted for the whole sky.
@@ -157,8 +160,7 @@ class SkySamples:
     @property
     def with_sky(self) -> "SkySamples":
         """Those whose picture shows sky."""
-        part = np.isfinite(self.ratio[:, 0])
-        return SkySamples(self.ratio[part], self.cover[part], self.predicted[part], self.true[part])
+        return select_crops(self, np.isfinite(self.ratio[:, 0]))
 
     def errors(self, trust: Floats) -> Floats:
         """Angle [deg] (N,) between the sky's colors, said and true, with that trust in the picture.
@@ -175,13 +177,7 @@ def _sample_skies(model: Model, data: Path, labels: Path, part: str) -> SkySampl
 
     DataError if there is none, ModelError if the network states no light.
     """
-    rows = list(_sky_rows(model, data, labels, part))
-    if not rows:
-        raise DataError(f"No panorama of {data} in `{part}` tells the power of its sky.")
-    return SkySamples(*(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)))
-
-
-def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tuple[Floats, float, Floats, Floats]]:
+    rows = []
     for source in load_sources(read_index(data, part), labels):
         true = panorama_irradiance(source).sky
         if not np.isfinite(true).all():
@@ -196,7 +192,10 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
                 raise ModelError(_NO_LIGHT)
             ratio = sky_color_ratio(PhotoSamples.of_photo(pixels, light), light)
             seen = np.full(3, np.nan) if ratio is None else ratio
-            yield seen, light.sky_cover or 0.0, np.array(light.sky_irradiance), true * gains * crop.gain
+            rows.append((seen, light.sky_cover or 0.0, np.array(light.sky_irradiance), true * gains * crop.gain))
+    if not rows:
+        raise DataError(f"No panorama of {data} in `{part}` tells the power of its sky.")
+    return SkySamples(*(np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)))
 
 
 def fit_sky_trust(skies: SkySamples) -> Floats:
@@ -253,21 +252,21 @@ class SunSample:
     unclipped: bool  # whether the panorama's notes say so of it
 
 
-def _sample_suns(model: Model, crops: HdrCrops) -> list[SunSample]:
+def _sample_suns(model: Model, crops: Sequence[LitCrop]) -> list[SunSample]:
     """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
     samples = []
-    for (source, _), crop, truth in zip(crops.views, crops.crops, crops.truth, strict=True):
+    for one in crops:
+        truth = one.truth
         if truth.sun_direction is None:
             continue
-        light = lighting_from_prediction(Estimator(model).predict(photo_from_array(tone_map(crop.linear))))
+        light = lighting_from_prediction(Estimator(model).predict(photo_from_array(tone_map(one.crop.linear))))
         if light.sun_irradiance is None or light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
         level = truth.sun_irradiance * truth.sun_direction[1] + truth.sky_irradiance
         sun, sky = np.array(light.sun_irradiance), np.array(light.sky_irradiance)
         if light.sun_shines:
-            panorama, true = source.panorama, truth.sun_irradiance
-            unclipped = panorama.sun_is_unclipped
-            samples.append(SunSample(panorama.place, true, sun, level, sky, light.sun_elevation, unclipped))
+            place, unclipped = one.panorama.place, one.panorama.sun_is_unclipped
+            samples.append(SunSample(place, truth.sun_irradiance, sun, level, sky, light.sun_elevation, unclipped))
     if not samples:
         raise ModelError("The network sees the sun shine in no crop of a sunny HDR panorama.")
     return samples
@@ -327,23 +326,22 @@ def stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Se
 def _panorama_sun_stops(data: Path, labels: Path) -> Floats:
     """What the sunny HDR panoramas of `train` with an unclipped sun have over a clear sky [stops]."""
     panoramas = [p for p in read_index(data, "train") if p.kind == "hdr" and p.direct == "yes"]
-    irradiances = [(s, panorama_irradiance(s)) for s in load_sources(panoramas, labels)]
-    unclipped = [(s.label.sun_elevation, light) for s, light in irradiances if s.panorama.sun_is_unclipped]
-    if not unclipped:
+    sources = load_sources([p for p in panoramas if p.sun_is_unclipped], labels)
+    if not sources:
         raise DataError(f"{data} has no sunny HDR panorama in `train` whose sun is unclipped.")
-    elevations, lights = zip(*unclipped, strict=True)
+    lights = [panorama_irradiance(source) for source in sources]
+    elevations = [source.label.sun_elevation for source in sources]
     return stops_over_clear([light.sun for light in lights], [light.sky for light in lights], elevations)
 
 
 def _photo_sun_stops(model: Model, data: Path) -> Floats:
     """What the network says of the photos of `train` in direct sun, over a clear sky [stops]."""
     rows = [r for r in require_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= _MIN_ELEVATION]
-    lights = [Estimator(model).predict(read_photo(row.path)).light for row in rows]
-    stated = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
+    lights = [(Estimator(model).predict(read_photo(row.path)).light, row.sun_elevation) for row in rows]
+    stated = [(light.sun_irradiance, light.sky_irradiance, height) for light, height in lights if light is not None]
     if not stated:
         raise DataError(f"No photo of {data} was taken in direct sun, or the network says nothing of the light.")
-    suns, skies = ([getattr(light, name) for light, _ in stated] for name in ("sun_irradiance", "sky_irradiance"))
-    return stops_over_clear(suns, skies, [elevation for _, elevation in stated])
+    return stops_over_clear(*zip(*stated, strict=True))
 
 
 def _report_sun_power(model: Model, data: Path, labels: Path) -> str:
@@ -374,28 +372,21 @@ def _report_photo_radii(model: Model, data: Path, _labels: Path) -> str:
     truth = direction(azimuth, np.maximum(elevation, 0.0))
     predictions = [model.predict_one(read_photo(data / row["file"])) for row in rows]
     hidden = np.array([not lighting_from_prediction(p).sun_shines for p in predictions])
+    groups = {"all": np.ones_like(hidden), "no direct sun": hidden}
     table = []
     for temperature in HIDDEN_TEMPERATURES:
         wide = [
             replace(p, sun_probability=temper(p.sun_probability, photo_temperature(p.sun_visibility, temperature)))
             for p in predictions
         ]
-        suns = [sun_from_prediction(p) for p in wide]
+        answers = answers_from_estimates([sun_from_prediction(p) for p in wide])
         density = [smooth_density(p.sun_probability, t, p.spec.sun_grid) for p, t in zip(wide, truth, strict=True)]
-        error = angle_between(direction([s.azimuth for s in suns], [s.elevation for s in suns]), truth)
-        inside = np.stack([error <= [s.radius_50 for s in suns], error <= [s.radius_90 for s in suns]], axis=1)
-        groups = {"all": np.ones_like(hidden), "no direct sun": hidden}
-        for name, chosen in ((name, chosen) for name, chosen in groups.items() if chosen.any()):
-            shares = (f"{100 * share:.0f} %" for share in inside[chosen].mean(axis=0))
-            table.append(
-                [
-                    f"{temperature:g}",
-                    name,
-                    str(chosen.sum()),
-                    f"{-np.log(np.array(density)[chosen]).mean():.3f}",
-                    *shares,
-                ]
-            )
+        loss, error = -np.log(density), angle_between(answers.sun, truth)
+        inside = np.stack([error <= answers.radius_50, error <= answers.radius_90], axis=1)
+        for name, chosen in groups.items():
+            if chosen.any():
+                shares = (f"{100 * share:.0f} %" for share in inside[chosen].mean(axis=0))
+                table.append([f"{temperature:g}", name, str(chosen.sum()), f"{loss[chosen].mean():.3f}", *shares])
     return markdown_table(["temperature", "photos", "number", "loss [nat]", "in `radius_50`", "in `radius_90`"], table)
 
 

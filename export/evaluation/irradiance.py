@@ -6,15 +6,16 @@ Beside each network stands an answer without one: the mean map of the training p
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.crops import Crop, Source, crop_panorama, load_sources
+from export.crops.crops import Crop, crop_panorama, load_sources
 from export.data.panoramas import DataError, Panorama, linearize, read_index
-from export.evaluation.metrics import Names, markdown_table
-from export.evaluation.predictions import CROPS_EACH, View, load_models, protocol_views
+from export.evaluation.metrics import markdown_table
+from export.evaluation.predictions import CROPS_EACH, load_models, protocol_views
 from export.evaluation.relighting import HEIGHT, OBJECTS, object_errors, pool_map, render_object, rgb_angle
 from lighting.color import luminance, tone_map
 from lighting.envmap.latlong import row_irradiance, shrink_envmap
@@ -74,7 +75,17 @@ def split_sun(image: NDArray[np.float32], near: Floats | None) -> SplitPanorama:
     small = shrink_envmap(image, len(image) // max(1, len(image) // _ROWS))
     if near is None:
         return SplitPanorama(small, small, math.nan, math.nan, np.zeros(3))
-    sunless, sun, power = _without_true_sun(small, near)
+    rays = latlong_directions(len(small))
+    bright = np.where(angle_between(rays, near) < _SEARCH, luminance(small), -1.0)
+    sun = rays[np.unravel_index(int(np.argmax(bright)), bright.shape)]
+    away = angle_between(rays, sun)
+    ring = (away > _RING[0]) & (away < _RING[1]) & (rays[..., 1] > 0)
+    disc = (away <= _REACH) & (rays[..., 1] > 0)
+    beside = np.median(small[ring], axis=0)
+    weight = np.broadcast_to(latlong_solid_angle(len(small))[:, None], disc.shape)[disc]
+    power = weight @ np.maximum(small[disc] - beside, 0.0)
+    sunless = np.array(small)
+    sunless[disc] = np.minimum(sunless[disc], beside)  # the sky beside the sun
     azimuth, elevation = (float(angle) for angle in angles(sun))
     return SplitPanorama(small, sunless, azimuth, elevation, power)
 
@@ -92,23 +103,6 @@ def true_light(panorama: SplitPanorama, azimuth: float, gain: float) -> TrueLigh
     above, below = _level_irradiances(sunless)
     visible_sun = sun if math.isfinite(sun[0]) else None
     return TrueLight(pool_map(image), visible_sun, panorama.sun_irradiance * gain, above, below / math.pi)
-
-
-def _without_true_sun(image: Floats, near: Floats) -> tuple[Floats, Floats, Floats]:
-    """The map with the sky beside the sun in the sun's place, the sun's direction (3,), and its irradiance (3,)."""
-    height = len(image)
-    rays = latlong_directions(height)
-    bright = np.where(angle_between(rays, near) < _SEARCH, luminance(image), -1.0)
-    sun = rays[np.unravel_index(int(np.argmax(bright)), bright.shape)]
-    away = angle_between(rays, sun)
-    ring = (away > _RING[0]) & (away < _RING[1]) & (rays[..., 1] > 0)
-    disc = (away <= _REACH) & (rays[..., 1] > 0)
-    beside = np.median(image[ring], axis=0)
-    weight = np.broadcast_to(latlong_solid_angle(height)[:, None], disc.shape)[disc]
-    power = weight @ np.maximum(image[disc] - beside, 0.0)
-    rest = np.array(image)
-    rest[disc] = np.minimum(rest[disc], beside)
-    return rest, sun, np.asarray(power)
 
 
 def _level_irradiances(image: Floats) -> tuple[Floats, Floats]:
@@ -153,21 +147,22 @@ class _Guess:
 
 
 @dataclass(frozen=True, eq=False)
-class HdrCrops:
-    """The crops that are judged and the light of each."""
+class LitCrop:
+    """A crop that is judged, and its true light."""
 
-    views: tuple[View, ...]
-    crops: tuple[Crop, ...]
-    truth: tuple[TrueLight, ...]
-    weather: Names  # (N,) "sunny" or "overcast"
+    panorama: Panorama
+    crop: Crop
+    truth: TrueLight
 
     @property
-    def panoramas(self) -> Names:
-        """(N,) of each crop."""
-        return np.array([source.panorama.name for source, _ in self.views])
+    def weather(self) -> str:
+        """Of WEATHER, "sunny" or "overcast"."""
+        return WEATHER[self.panorama.sun, self.panorama.direct]
 
 
-def take_hdr_crops(data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: int = CROPS_EACH) -> HdrCrops:
+def take_hdr_crops(
+    data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: int = CROPS_EACH
+) -> list[LitCrop]:
     """Paper-protocol crops of the HDR panoramas of WEATHER; their suns may be clipped.
 
     Args:
@@ -186,7 +181,9 @@ def take_hdr_crops(data: Path, labels: Path, spec: ModelSpec, part: str = "val",
     return take_crops_of(panoramas, labels, spec, each)
 
 
-def take_crops_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, each: int = CROPS_EACH) -> HdrCrops:
+def take_crops_of(
+    panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, each: int = CROPS_EACH
+) -> list[LitCrop]:
     """Paper-protocol crops of panoramas of WEATHER; what is clipped in one is clipped in its light.
 
     Args:
@@ -195,36 +192,28 @@ def take_crops_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, 
         spec: of the network that is to see the crops.
         each: crops of a panorama, up to CROPS_EACH.
     """
-    sources = load_sources(panoramas, labels)
-    split = {s.panorama.name: split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
-    views = [view for i, view in enumerate(protocol_views(sources, "paper")) if i % CROPS_EACH < each]
-    crops = [crop_panorama(source, camera, spec) for source, camera in views]
-    taken = [(split[s.panorama.name], camera.azimuth, c.gain) for (s, camera), c in zip(views, crops, strict=True)]
-    truth = [true_light(*one) for one in taken]
-    kind = np.array([WEATHER[source.panorama.sun, source.panorama.direct] for source, _ in views])
-    return HdrCrops(tuple(views), tuple(crops), tuple(truth), kind)
+    crops = []
+    for source in load_sources(panoramas, labels):
+        panorama, label = source.panorama, source.label
+        is_sunny = WEATHER[panorama.sun, panorama.direct] == "sunny"
+        sun = direction(label.sun_azimuth, label.sun_elevation) if is_sunny else None
+        split = split_sun(linearize(panorama, source.levels[0]), sun)
+        for _, camera in protocol_views([source], "paper")[:each]:
+            crop = crop_panorama(source, camera, spec)
+            crops.append(LitCrop(panorama, crop, true_light(split, camera.azimuth, crop.gain)))
+    return crops
 
 
-def _sun_of(source: Source) -> Floats | None:
-    """Where the label has the sun of a sunny panorama."""
-    if WEATHER[source.panorama.sun, source.panorama.direct] != "sunny":
-        return None
-    return direction(source.label.sun_azimuth, source.label.sun_elevation)
-
-
-def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[EstimatedLight, PhotoContext]]:
-    """What a network estimates of each crop by its pixels alone, by the path that users take.
+def estimate_crop(model: Model, crop: Crop) -> tuple[EstimatedLight, PhotoContext]:
+    """What a network estimates of a crop by its pixels alone, by the path that users take.
 
     Args:
         model: the network.
-        crops: N pictures.
+        crop: the picture.
     """
-    estimates = []
-    for crop in crops:
-        photo = photo_from_array(tone_map(crop.linear))
-        (estimate,) = apply_photo_colors([photo], [estimate_from_pixels(model, photo)])
-        estimates.append((estimate, PhotoContext(photo.pixels, estimate.surroundings)))
-    return estimates
+    photo = photo_from_array(tone_map(crop.linear))
+    (estimate,) = apply_photo_colors([photo], [estimate_from_pixels(model, photo)])
+    return estimate, PhotoContext(photo.pixels, estimate.surroundings)
 
 
 def estimate_from_pixels(model: Model, photo: Photo) -> EstimatedLight:
@@ -238,9 +227,9 @@ def estimate_from_pixels(model: Model, photo: Photo) -> EstimatedLight:
     return build_estimate(fuse(Estimator(model).predict(photo), nothing.observations), nothing)
 
 
-def _guesses(name: str, model: Model, crops: HdrCrops) -> dict[str, _Guess]:
+def _guesses(name: str, model: Model, crops: Sequence[LitCrop]) -> dict[str, _Guess]:
     """A network's bare sky, and the same with the place."""
-    answers = estimate_crops(model, crops.crops)
+    answers = [estimate_crop(model, one.crop) for one in crops]
     lights = tuple(with_irradiance(estimate.lighting) for estimate, _ in answers)
     bare = np.stack([render(estimate.lighting, HEIGHT) for estimate, _ in answers])
     full = np.stack([render_with_surroundings(e.lighting, context, HEIGHT) for e, context in answers])
@@ -261,17 +250,21 @@ def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
     methods: dict[str, _Guess] = {}
     for name, model in models.items():
         methods |= _guesses(name, model, crops)
-    training = take_hdr_crops(data, labels, spec, "train", each=1).truth
-    methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(crops.crops)))
-    return "\n\n".join(_section(crops, methods, str(kind)) for kind in ("sunny", "overcast") if kind in crops.weather)
+    training = [one.truth for one in take_hdr_crops(data, labels, spec, "train", each=1)]
+    methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(crops)))
+    kinds = {one.weather for one in crops}
+    return "\n\n".join(_section(crops, methods, kind) for kind in ("sunny", "overcast") if kind in kinds)
 
 
-def _section(crops: HdrCrops, methods: dict[str, _Guess], kind: str) -> str:
-    chosen = np.flatnonzero(crops.weather == kind)
-    truth = [crops.truth[i] for i in chosen]
-    lights = {name: tuple(guess.lights[i] for i in chosen) if guess.lights else () for name, guess in methods.items()}
-    part = {name: _Guess(guess.maps[chosen], lights[name]) for name, guess in methods.items()}
-    title = f"## Light: {len(chosen)} crops of {len(np.unique(crops.panoramas[chosen]))} {kind} HDR panoramas"
+def _section(crops: Sequence[LitCrop], methods: dict[str, _Guess], kind: str) -> str:
+    chosen = [i for i, one in enumerate(crops) if one.weather == kind]
+    truth = [crops[i].truth for i in chosen]
+    part = {
+        name: _Guess(guess.maps[chosen], tuple(guess.lights[i] for i in chosen if guess.lights))
+        for name, guess in methods.items()
+    }
+    count = len({crops[i].panorama.name for i in chosen})
+    title = f"## Light: {len(chosen)} crops of {count} {kind} HDR panoramas"
     return "\n\n".join([title, _NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
 
 
@@ -284,12 +277,10 @@ def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> 
         level = _stops(up, [_level_irradiances(t.image)[0] for t in truth])
         ground = _stops(down, [np.pi * t.ground for t in truth])
         tint = rgb_angle(np.array(down), np.array([t.ground for t in truth]))
-        rows.append(
-            [
-                name, f"{np.median(level):+.2f}", f"{np.median(np.abs(level)):.2f}", *_parts(truth, guess),
-                f"{np.median(ground):+.2f}", f"{np.median(np.abs(ground)):.2f}", f"{np.median(tint):.1f}",
-            ]
-        )  # fmt: skip
+        level_cells, ground_cells = (
+            [f"{np.median(bias):+.2f}", f"{np.median(np.abs(bias)):.2f}"] for bias in (level, ground)
+        )
+        rows.append([name, *level_cells, *_parts(truth, guess), *ground_cells, f"{np.median(tint):.1f}"])
     return markdown_table(header, rows)
 
 
@@ -319,11 +310,8 @@ def _objects_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> st
     header = ["", *(column for kind in OBJECTS for column in (f"{kind}: RMSE", "scaled", "angle"))]
     lit = np.stack([t.image for t in truth])
     true = {kind: render_object(kind, lit) for kind in OBJECTS}
-    rows = []
-    for name, guess in methods.items():
-        row = [name]
-        for kind in OBJECTS:
-            rmse, scaled, angle = np.median(object_errors(true[kind], render_object(kind, guess.maps)), axis=0)
-            row += [f"{rmse:.2f}", f"{scaled:.2f}", f"{angle:.1f}"]
-        rows.append(row)
-    return markdown_table(header, rows)
+    rows = {name: [name] for name in methods}
+    for (name, guess), kind in product(methods.items(), OBJECTS):
+        rmse, scaled, angle = np.median(object_errors(true[kind], render_object(kind, guess.maps)), axis=0)
+        rows[name] += [f"{rmse:.2f}", f"{scaled:.2f}", f"{angle:.1f}"]
+    return markdown_table(header, list(rows.values()))

@@ -3,11 +3,11 @@
 Like the crops, the metadata depend on the panorama's name and the crop's index alone.
 """
 
+import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, timedelta
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import MAX_TILT_DISAGREEMENT, Gravity, Observations, Posterior, fuse_single_view
 from lighting.fusion.time_zones import is_at_sea, offset_at
 from lighting.fusion.user_input import NO_USER_INPUT
-from lighting.geometry import Floats, angles, wrap_azimuth
+from lighting.geometry import Floats, angles, wrap_azimuth, zoomed_fov
 from lighting.photo.imu import TILT_STD
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.prediction import Prediction
@@ -38,16 +38,6 @@ OUTLIER_RATE = 0.05  # share of headings that point anywhere
 
 
 @dataclass(frozen=True)
-class _SunSighting:
-    """When and where the sun stood at an elevation."""
-
-    time: datetime  # aware, in UTC
-    latitude: float
-    longitude: float
-    compass: float  # deg clockwise from true north, of the sun
-
-
-@dataclass(frozen=True)
 class SimulatedMetadata:
     """A photo's metadata, and where its camera really pointed."""
 
@@ -56,25 +46,25 @@ class SimulatedMetadata:
     gross: bool  # whether the compass pointed anywhere
 
 
-def _simulate_sighting(elevation: float, rng: np.random.Generator) -> _SunSighting:
-    """A random place on land and a time at which the sun has an elevation [deg] there."""
+def _simulate_sighting(elevation: float, rng: np.random.Generator) -> tuple[PhotoMetadata, float]:
+    """A random place on land, a time at which the sun has an elevation [deg], and its azimuth [deg] from north."""
     while True:
         latitude, longitude = rng.uniform(*LATITUDES), rng.uniform(-180, 180)
         if is_at_sea(latitude, longitude):
             continue
         day = FIRST_DAY + np.timedelta64(int(rng.integers(DAYS)), "D")
-        passing = _passings(elevation, day + np.arange(0, 86400, STEP), latitude, longitude)
+        times = day + np.arange(0, 86400, STEP)
+        above = sun_position(times, latitude, longitude)[1] > elevation
+        passing = times[np.flatnonzero(above[1:] != above[:-1])]  # after which the sun crosses the elevation
         if len(passing):
             seconds = rng.choice(passing) + np.arange(STEP)
             azimuth, height = sun_position(seconds, latitude, longitude)
             best = int(np.argmin(np.abs(height - elevation)))
-            return _SunSighting(seconds[best].item().replace(tzinfo=UTC), latitude, longitude, float(azimuth[best]))
-
-
-def _passings(elevation: float, times: NDArray[np.datetime64], latitude: float, longitude: float) -> NDArray[Any]:
-    """Those of the times (N,) after which the sun crosses the elevation before the next one."""
-    above = sun_position(times, latitude, longitude)[1] > elevation
-    return times[np.flatnonzero(above[1:] != above[:-1])]
+            time = seconds[best].item().replace(tzinfo=UTC)
+            zone = offset_at(latitude, longitude, time)
+            local = (time + timedelta(hours=zone)).replace(tzinfo=None)
+            place = PhotoMetadata(local_time=local, utc_offset=zone, latitude=latitude, longitude=longitude)
+            return place, float(azimuth[best])
 
 
 def simulate_metadata(truth: metrics.Truth, crops_each: int) -> list[SimulatedMetadata]:
@@ -84,35 +74,19 @@ def simulate_metadata(truth: metrics.Truth, crops_each: int) -> list[SimulatedMe
         truth: of N crops, panorama by panorama.
         crops_each: of a panorama.
     """
-    sightings = {name: _sighting_of(truth, i) for i, name in enumerate(truth.panorama) if truth.scored[i]}
-    return [
-        _metadata_of_crop(truth, i, sightings[name], i % crops_each)
-        if truth.scored[i]
-        else SimulatedMetadata(PhotoMetadata(), float("nan"), False)
-        for i, name in enumerate(truth.panorama)
-    ]
-
-
-def _sighting_of(truth: metrics.Truth, i: int) -> _SunSighting:
-    return _simulate_sighting(float(angles(truth.sun[i])[1]), crop_rng(truth.panorama[i], 0, "sighting"))
-
-
-def _metadata_of_crop(truth: metrics.Truth, i: int, sighting: _SunSighting, index: int) -> SimulatedMetadata:
-    rng = crop_rng(truth.panorama[i], index, "compass")
-    heading = (sighting.compass - float(angles(truth.sun[i])[0])) % 360.0
-    gross = bool(rng.random() < OUTLIER_RATE)
-    error = rng.uniform(-180, 180) if gross else rng.normal(0, PHONE_STD)
-    zone = offset_at(sighting.latitude, sighting.longitude, sighting.time)
-    metadata = PhotoMetadata(
-        local_time=(sighting.time + timedelta(hours=zone)).replace(tzinfo=None),
-        utc_offset=zone,
-        latitude=sighting.latitude,
-        longitude=sighting.longitude,
-        heading=(heading + error) % 360.0,
-        heading_reference=HeadingReference.TRUE,
-        vertical_fov=float(truth.camera[i, 2]),
-    )
-    return SimulatedMetadata(metadata, heading, gross)
+    heights = {str(truth.panorama[i]): float(angles(truth.sun[i])[1]) for i in np.flatnonzero(truth.scored)}
+    sightings = {name: _simulate_sighting(height, crop_rng(name, 0, "sighting")) for name, height in heights.items()}
+    simulated = [SimulatedMetadata(PhotoMetadata(), math.nan, False)] * len(truth.scored)
+    for i in np.flatnonzero(truth.scored).tolist():
+        metadata, sun_heading = sightings[truth.panorama[i]]
+        rng = crop_rng(truth.panorama[i], i % crops_each, "compass")
+        heading = (sun_heading - float(angles(truth.sun[i])[0])) % 360.0
+        gross = bool(rng.random() < OUTLIER_RATE)
+        stated = (heading + (rng.uniform(-180, 180) if gross else rng.normal(0, PHONE_STD))) % 360.0
+        fov = float(truth.camera[i, 2])
+        metadata = replace(metadata, heading=stated, heading_reference=HeadingReference.TRUE, vertical_fov=fov)
+        simulated[i] = SimulatedMetadata(metadata, heading, gross)
+    return simulated
 
 
 def keep_evidence(metadata: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetadata:
@@ -249,35 +223,30 @@ def _gravity(truth: metrics.Truth, error: float = 0.0) -> list[Observations]:
 def _figures(truth: metrics.Truth, fused: Sequence[Posterior], headings: Floats) -> dict[str, float]:
     """Median errors, and the share of truths inside the regions; true headings (N,) [deg]."""
     answers = metrics.answers_from_estimates([f.sun for f in fused])
-    error = metrics.sun_error(truth, answers)
+    figures = metrics.sun_figures(truth, answers)
     fov = np.array([f.prediction.vertical_fov for f in fused])
     tilt = np.array([f.prediction.camera_elevation for f in fused])
+    heading, heading_inside = math.nan, math.nan
+    estimates = [(f.camera_heading.best, f.camera_heading.radius_90) for f in fused if f.camera_heading is not None]
+    if len(estimates) == len(fused):
+        best, radius = np.array(estimates).T
+        error = np.abs(wrap_azimuth(best - headings))
+        heading, heading_inside = metrics.median(error), metrics.percentage(error <= radius)
     return {
-        "sun": metrics.median(error),
-        "azimuth": metrics.median(np.abs(metrics.azimuth_error(truth, answers))),
-        "elevation": metrics.median(np.abs(metrics.elevation_error(truth, answers))),
-        "in 50 % region": metrics.percentage(error <= answers.radius_50),
-        "in 90 % region": metrics.percentage(error <= answers.radius_90),
+        "sun": figures["median"],
+        **{name: figures[name] for name in ("azimuth", "elevation", "in 50 % region", "in 90 % region")},
         "radius 90": metrics.median(answers.radius_90),
         "camera elevation": metrics.median(np.abs(tilt - truth.camera[:, 0])),
         "fov": metrics.median(np.abs(fov - truth.camera[:, 2])),
-        **_heading_figures(fused, headings),
+        "heading": heading,
+        "heading in 90 %": heading_inside,
     }
-
-
-def _heading_figures(fused: Sequence[Posterior], headings: Floats) -> dict[str, float]:
-    estimates = [(f.camera_heading.best, f.camera_heading.radius_90) for f in fused if f.camera_heading is not None]
-    if len(estimates) < len(fused):
-        return {"heading": float("nan"), "heading in 90 %": float("nan")}
-    best, radius = np.array(estimates).T
-    error = np.abs(wrap_azimuth(best - headings))
-    return {"heading": metrics.median(error), "heading in 90 %": metrics.percentage(error <= radius)}
 
 
 def _azimuth_sentence(truth: metrics.Truth, pixels: Sequence[Posterior], timed: Sequence[Posterior]) -> str:
     answers = (metrics.answers_from_estimates([f.sun for f in fused]) for fused in (timed, pixels))
-    errors = [np.abs(metrics.azimuth_error(truth, a)) for a in answers]
-    ends = metrics.format_interval(metrics.difference_interval(errors[0], errors[1], truth.panorama))
+    later, earlier = (np.abs(metrics.azimuth_error(truth, a)) for a in answers)
+    ends = metrics.format_interval(metrics.difference_interval(later, earlier, truth.panorama))
     return f"Median azimuth error with time and place minus that of the pixels alone: 95 % interval {ends}."
 
 
@@ -289,10 +258,11 @@ def _warning_shares(
 ) -> dict[str, dict[str, float]]:
     """Percentages of photos with a warning, by what is false."""
     rng = np.random.default_rng(0)
-    true = [s.metadata for s in simulated]
-    other_suns = [true[i] for i in _crops_of_other_suns(angles(truth.sun)[1], rng)]
+    true, elevation = [s.metadata for s in simulated], angles(truth.sun)[1]
+    apart = np.abs(elevation[:, None] - elevation) >= _WRONG_SUN
+    other_suns = [true[rng.choice(np.flatnonzero(row))] if row.any() else m for m, row in zip(true, apart, strict=True)]
     rotated = [replace(s.metadata, heading=(s.heading + rng.uniform(90, 270)) % 360.0) for s in simulated]
-    cropped = [replace(m, vertical_fov=_half_fov(m.vertical_fov or 0.0)) for m in true]
+    cropped = [replace(m, vertical_fov=zoomed_fov(m.vertical_fov or 0.0, 2.0)) for m in true]  # to the middle half
     sound = [(p, s.metadata) for p, s in zip(predictions, simulated, strict=True) if not s.gross]
 
     def warned(metadata: Sequence[PhotoMetadata], part: EvidenceKind) -> float:
@@ -310,17 +280,6 @@ def _warning_shares(
         f"camera off by {_WRONG_GRAVITY:g}°": [_warned(predictions, _gravity(truth, e)) for e in (0.0, _WRONG_GRAVITY)],
     }
     return {what: {"true": right, "false": wrong} for what, (right, wrong) in shares.items()}
-
-
-def _crops_of_other_suns(elevation: Floats, rng: np.random.Generator) -> list[int]:
-    """For each crop, another one whose sun differs by _WRONG_SUN or more."""
-    wrong = np.abs(elevation[:, None] - elevation) >= _WRONG_SUN
-    return [int(rng.choice(np.flatnonzero(row))) if row.any() else i for i, row in enumerate(wrong)]
-
-
-def _half_fov(vertical_fov: float) -> float:
-    """The field of view [deg] of the middle half of a picture."""
-    return float(2 * np.degrees(np.arctan(np.tan(np.radians(vertical_fov) / 2) / 2)))
 
 
 def _warned(

@@ -23,7 +23,7 @@ from lighting.prediction import SunEstimate
 
 Bools = NDArray[np.bool_]
 Names = NDArray[np.str_]
-Record = TypeVar("Record", "Truth", "Answers")
+Record = TypeVar("Record")  # a dataclass of arrays
 
 
 @dataclass(frozen=True)
@@ -60,10 +60,10 @@ def select_crops(record: Record, chosen: Bools | NDArray[np.intp]) -> Record:
     """The same record, of the chosen crops alone.
 
     Args:
-        record: of N crops.
+        record: a dataclass of arrays of N crops, such as Truth and Answers.
         chosen: (N,), or the indices of some.
     """
-    return type(record)(**{f.name: getattr(record, f.name)[chosen] for f in fields(record)})
+    return type(record)(**{name: values[chosen] for name, values in vars(record).items()})
 
 
 def answers_from_sun(sun: Floats, **fields_of_answers: Floats) -> Answers:
@@ -234,7 +234,7 @@ def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
         **scores,
         "horizon AUC": _recall_area(horizon, _HORIZON_UP_TO),
         "horizon off %": 100 * median(horizon),
-        "horizon noticed %": float(np.mean(_horizon_noticed(horizon))),
+        "horizon noticed %": float(np.mean(_share(_HORIZON_SLOPE * 100 * horizon))),
         "roll noticed %": float(np.mean(_roll_noticed(truth.camera[:, 1], answers.camera[:, 1]))),
         "fov noticed %": float(np.mean(_fov_noticed(*(_horizontal_fov(c, truth.aspect) for c in cameras)))),
     }
@@ -276,11 +276,6 @@ _FOVS = (55.0, 75.0)  # deg, of the horizontal fields of view whose slopes are:
 _TOO_NARROW_SLOPES, _TOO_WIDE_SLOPES = (0.81, 0.465), (0.0, 0.17)  # % of people for each deg
 
 
-def _horizon_noticed(error: Floats) -> Floats:
-    """Share (N,) [%] of people who prefer the true horizon, 50 to 100."""
-    return _share(_HORIZON_SLOPE * 100 * np.abs(error))
-
-
 def _roll_noticed(true: Floats, estimate: Floats) -> Floats:
     """Share (N,) [%] of people who prefer the true roll, 50 to 100."""
     is_too_level = np.abs(estimate) < np.abs(true)
@@ -297,6 +292,7 @@ def _fov_noticed(true: Floats, estimate: Floats) -> Floats:
 
 
 def _share(beyond_chance: Floats) -> Floats:
+    """Share (N,) [%] of people who prefer what is true, 50 to 100."""
     return np.asarray(np.clip(50.0 + beyond_chance, 50.0, 100.0))
 
 
@@ -326,12 +322,11 @@ def figures_table(rows: dict[str, dict[str, float]], digits: int | None = None) 
     """
     columns = list(next(iter(rows.values())))
     places = {column: DECIMALS.get(column, 1) if digits is None else digits for column in columns}
-    cells = [[name, *(_number(row[c], places[c]) for c in columns)] for name, row in rows.items()]
+    cells = [
+        [name, *(f"{row[c]:.{digits}f}" if math.isfinite(row[c]) else "-" for c, digits in places.items())]
+        for name, row in rows.items()
+    ]
     return markdown_table(["", *columns], cells)
-
-
-def _number(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 def format_interval(ends: tuple[float, float], decimals: int = 1) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from textwrap import fill
 
 from export.data.panoramas import DataError
-from export.evaluation.diagnostics import RELIABILITY_FILE
+from export.evaluation.evaluate import RELIABILITY_FILE
 from export.evaluation.metrics import markdown_table
 from export.evaluation.metrics_file import Cell, NetworkMetrics, read_metrics, write_metrics
 from lighting.files import atomic_write

@@ -5,8 +5,9 @@ ships lies between those of the two protocols, learnt on all places; those by ov
 `python -m export turns overlap` of commit 6df25d7.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from textwrap import fill
 
 import numpy as np
@@ -22,7 +23,7 @@ from lighting.fusion.pooling import elevation_density, pooling_exponent, rotate_
 from lighting.fusion.single_view import Observations, Posterior
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.prediction import Prediction, SunEstimate
+from lighting.prediction import Prediction
 from lighting.records import EvidenceKind
 from lighting.sun_grid import HEADINGS, grid_directions, smooth_density
 
@@ -81,25 +82,16 @@ def _views(
     sun, cells = truth.sun[first], grid_directions(layout)
     sun_azimuth, sun_elevation = map(float, angles(sun))
     rotated = [(predictions[i], float(azimuth[first] - azimuth[i])) for i in members]
-    log = {
+    rings = [(p.sun_probability, direction(HEADINGS + angle, sun_elevation)) for p, angle in rotated]  # by azimuth
+    densities = {
         "sun": [rotate_density(p.sun_probability, angle, layout) for p, angle in rotated],
-        "azimuth": [_density_on_ring(p, sun_elevation, angle) for p, angle in rotated],
+        "azimuth": [smooth_density(*ring, layout) for ring in rings],
         "elevation": [elevation_density(p, angles(cells)[1]) for p, _ in rotated],
     }
     cell = int(np.argmax(cells @ sun))
     true_cell = {"sun": cell, "azimuth": round(sun_azimuth) % 360, "elevation": cell}
-    logs = {kind: _log(np.array(values)) for kind, values in log.items()}
+    logs = {kind: np.log(np.maximum(values, 1e-12)) for kind, values in densities.items()}
     return _Densities(logs, true_cell, sun, half, predictions[first])
-
-
-def _density_on_ring(prediction: Prediction, elevation: float, rotation: float) -> Floats:
-    """Density [1/sr] (360,) along an elevation [deg], by azimuth of a camera rotated by `rotation` [deg] clockwise."""
-    suns = direction(HEADINGS + rotation, elevation)
-    return smooth_density(prediction.sun_probability, suns, prediction.spec.sun_grid)
-
-
-def _log(density: Floats) -> Floats:
-    return np.asarray(np.log(np.maximum(density, 1e-12)))
 
 
 def _deal_crops(views: Sequence[_Densities], size: int) -> list[tuple[_Densities, NDArray[np.intp]]]:
@@ -111,14 +103,13 @@ def _deal_crops(views: Sequence[_Densities], size: int) -> list[tuple[_Densities
 def _fit_correlation(views: Sequence[_Densities], kind: str) -> float:
     """The correlation with the least negative log density at the true suns, over all sizes."""
     dealt = [[(v.log[kind][part], v.cell[kind]) for v, part in _deal_crops(views, n)] for n in SIZES]
-    loss = [np.mean([np.mean([_loss(*one, c) for one in groups]) for groups in dealt]) for c in CORRELATIONS]
-    return float(CORRELATIONS[int(np.argmin(loss))])
 
+    def loss(logs: Floats, cell: int, correlation: float) -> float:
+        product = logs.sum(axis=0) * pooling_exponent(len(logs), correlation)
+        return float(np.logaddexp.reduce(product) - product[cell])
 
-def _loss(logs: Floats, cell: int, correlation: float) -> float:
-    product = logs.sum(axis=0) * pooling_exponent(len(logs), correlation)
-    highest = product.max()
-    return float(np.log(np.exp(product - highest).sum()) + highest - product[cell])
+    losses = [np.mean([np.mean([loss(*one, c) for one in groups]) for groups in dealt]) for c in CORRELATIONS]
+    return float(CORRELATIONS[int(np.argmin(losses))])
 
 
 def _coverage(views: Sequence[_Densities], correlations: dict[str, float]) -> dict[str, float]:
@@ -133,14 +124,12 @@ def _inside(views: _Densities, kind: str, part: NDArray[np.intp], correlation: f
     """Whether the true sun is in the 90 % region of crops taken together."""
     product = views.log[kind][part].sum(axis=0) * pooling_exponent(len(part), correlation)
     probability = np.exp(product - product.max())
-    sun = _decode(views, kind, probability / probability.sum())
-    return float(angle_between(direction(sun.azimuth, sun.elevation), views.sun)) <= sun.radius_90
-
-
-def _decode(views: _Densities, kind: str, probability: Floats) -> SunEstimate:
+    probability /= probability.sum()
     if kind == "azimuth":
-        return sun_from_rings(direction(HEADINGS, float(angles(views.sun)[1])), probability)
-    return sun_from_prediction(replace(views.prediction, sun_probability=probability))
+        sun = sun_from_rings(direction(HEADINGS, float(angles(views.sun)[1])), probability)
+    else:
+        sun = sun_from_prediction(replace(views.prediction, sun_probability=probability))
+    return float(angle_between(direction(sun.azimuth, sun.elevation), views.sun)) <= sun.radius_90
 
 
 # Accuracy and coverage of several crops of one panorama taken together.
@@ -184,11 +173,9 @@ def groups_report(
     """
     dealt = {size: _group_crops(truth, crops_each, size) for size in SIZES}
     rows = {}
-    for name, evidence in _MODES.items():
-        for size, groups in dealt.items():
-            headings = azimuth if name in _WITH_HEADINGS else None
-            fused = [_fuse_group(g, predictions, simulated, evidence, headings) for g in groups]
-            rows[f"{size}, {name}"] = _figures(truth, groups, fused, azimuth)
+    for mode, (size, groups) in product(_MODES, dealt.items()):
+        fused = [_fuse_group(group, predictions, simulated, mode, azimuth) for group in groups]
+        rows[f"{size}, {mode}"] = _figures(truth, groups, fused, azimuth)
     sections = [
         f"## Several photos together, protocol `{protocol}`: crops of {len(dealt[crops_each])} panoramas [deg]",
         _SIMULATION,
@@ -198,50 +185,36 @@ def groups_report(
     return "\n\n".join(sections)
 
 
-# of the simulated metadata and the shared compass error [deg]
-EvidenceOf = Callable[[SimulatedMetadata, np.random.Generator, float], Observations]
-
-
-def _no_evidence(_: SimulatedMetadata, __: np.random.Generator, ___: float) -> Observations:
-    return Observations()
-
-
-def _compass(simulated: SimulatedMetadata, rng: np.random.Generator, shared: float) -> Observations:
-    return Observations(heading=(simulated.heading + shared + rng.normal(0, _COMPASS_JITTER)) % 360.0)
-
-
-def _time(simulated: SimulatedMetadata, _: np.random.Generator, __: float) -> Observations:
-    metadata = keep_evidence(simulated.metadata, (EvidenceKind.TIME_AND_PLACE,))
-    return observations_from_metadata(metadata, NO_USER_INPUT).observations
-
-
-def _time_and_compass(simulated: SimulatedMetadata, rng: np.random.Generator, shared: float) -> Observations:
-    return replace(_time(simulated, rng, shared), heading=_compass(simulated, rng, shared).heading)
-
-
-_MODES: dict[str, EvidenceOf] = {
-    "headings known": _no_evidence,
-    "compass headings": _compass,
-    "headings unknown": _no_evidence,
-    "headings known, time+place": _time,
-    "compass headings, time+place": _time_and_compass,
-}
-_WITH_HEADINGS = ("headings known", "headings known, time+place")
+_MODES = (  # what is known of the views
+    "headings known",
+    "compass headings",
+    "headings unknown",
+    "headings known, time+place",
+    "compass headings, time+place",
+)
 
 
 def _fuse_group(
     group: NDArray[np.intp],
     predictions: Sequence[Prediction],
     simulated: Sequence[SimulatedMetadata],
-    evidence: EvidenceOf,
-    azimuth: Floats | None,
+    mode: str,
+    azimuth: Floats,
 ) -> tuple[Posterior, ...]:
-    """The light of crops taken together; their headings are exact where `azimuth` (N,) is there."""
+    """The light of crops taken together, by what a mode of _MODES knows of them; azimuth (N,)."""
     rng = np.random.default_rng(int(group[0]))
-    shared = rng.normal(0, PHONE_STD)
-    observations = [evidence(simulated[i], rng, shared) for i in group]
-    headings = None if azimuth is None else [float(azimuth[i]) for i in group]
-    return fuse_views([predictions[i] for i in group], observations, headings)
+    shared = rng.normal(0, PHONE_STD)  # error of all headings
+    observed = []
+    for one in (simulated[i] for i in group):
+        known = Observations()
+        if "time+place" in mode:
+            metadata = keep_evidence(one.metadata, (EvidenceKind.TIME_AND_PLACE,))
+            known = observations_from_metadata(metadata, NO_USER_INPUT).observations
+        if "compass" in mode:
+            known = replace(known, heading=(one.heading + shared + rng.normal(0, _COMPASS_JITTER)) % 360.0)
+        observed.append(known)
+    headings = azimuth[group].tolist() if "headings known" in mode else None
+    return fuse_views([predictions[i] for i in group], observed, headings)
 
 
 def _figures(
@@ -251,14 +224,12 @@ def _figures(
     members = np.concatenate(groups)
     posteriors = [posterior for group in fused for posterior in group]
     answers, grouped = metrics.answers_from_estimates([p.sun for p in posteriors]), metrics.select_crops(truth, members)
-    error = metrics.sun_error(grouped, answers)
     headings = [_heading_errors(azimuth[group], fused_group) for group, fused_group in zip(groups, fused, strict=True)]
+    figures = metrics.sun_figures(grouped, answers)
     return {
         "crops": float(len(posteriors)),
-        "sun": metrics.median(error),
-        "elevation": metrics.median(np.abs(metrics.elevation_error(grouped, answers))),
-        "in 50 % region": metrics.percentage(error <= answers.radius_50),
-        "in 90 % region": metrics.percentage(error <= answers.radius_90),
+        "sun": figures["median"],
+        **{name: figures[name] for name in ("elevation", "in 50 % region", "in 90 % region")},
         "turbidity": metrics.median(np.abs([p.prediction.turbidity for p in posteriors] - grouped.turbidity)),
         "relative heading": metrics.median(np.concatenate(headings)),
     }

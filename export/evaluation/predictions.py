@@ -14,7 +14,7 @@ from export.crops.crops import (
     aimed_camera,
     crop_panorama,
     crop_rng,
-    native_longer_side,
+    native_rows,
     pinhole_camera,
 )
 from export.data.panoramas import DataError, Panorama
@@ -110,7 +110,7 @@ def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredi
     refined: NetworkOutput = {name: [] for name in models}
     with_lens = []
     for i, view in enumerate(views):
-        side = min(TARGET, native_longer_side(*view))  # TARGET, or what the panorama has
+        side = int(min(TARGET, max(view[1].aspect, 1.0) * native_rows(*view)))  # TARGET, or what the panorama has
         pixels = tone_map(crop_panorama(*view, replace(first[i].spec, width=side, height=side)).linear)
         for name, predictions in network.items():
             refined[name].append(refine_camera(predictions[i], pixels))
@@ -184,7 +184,7 @@ def sun_nll(predictions: Sequence[Prediction], sun: Floats) -> Floats:
 
 
 def load_models(paths: Sequence[Path]) -> dict[str, Model]:
-    """ONNX networks by name, in the order of their files.
+    """ONNX networks by name, and by version if two share a name, in the order of their files.
 
     Args:
         paths: of the files.
@@ -192,11 +192,7 @@ def load_models(paths: Sequence[Path]) -> dict[str, Model]:
     Raises:
         DataError: if two share name and version.
     """
-    return _by_name([Model.load(path) for path in paths])
-
-
-def _by_name(models: Sequence[Model]) -> dict[str, Model]:
-    """Networks by name, and by version if two share a name; DataError if two share both."""
+    models = [Model.load(path) for path in paths]
     names = [model.spec.name for model in models]
     versions = [f"{name} {model.spec.version}" for name, model in zip(names, models, strict=True)]
     labels = [n if names.count(n) == 1 else version for n, version in zip(names, versions, strict=True)]

@@ -12,7 +12,6 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from export.evaluation.metrics import (
     Bools,
@@ -58,13 +57,6 @@ def _density_levels(predictions: Sequence[Prediction], sun: Floats) -> Floats:
     return np.asarray(denser.sum(axis=1) / probability.sum(axis=1))
 
 
-def _cone_level(prediction: Prediction, sun: Floats) -> float:
-    """Probability of the cone around the answer that just reaches the true sun (3,)."""
-    probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
-    answer = prediction.sun_direction
-    return float(np.interp(angle_between(sun, answer), *cumulative_by_angle(probability, cells, answer)))
-
-
 def reliability_curves(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, Floats]:
     """Probabilities (n,) of the regions that reach the true sun: of all scored crops, of each bin, and of the cones.
 
@@ -75,9 +67,12 @@ def reliability_curves(truth: Truth, predictions: Sequence[Prediction]) -> dict[
     scored = select_crops(truth, truth.scored)
     predictions = list(compress(predictions, truth.scored))
     levels = _density_levels(predictions, scored.sun)
-    cones = np.array([_cone_level(p, sun) for p, sun in zip(predictions, scored.sun, strict=True)])
+    cones = []  # probability of the cone around each answer that just reaches the true sun
+    for p, sun in zip(predictions, scored.sun, strict=True):
+        reach = cumulative_by_angle(p.sun_probability, grid_directions(p.spec.sun_grid), p.sun_direction)
+        cones.append(float(np.interp(angle_between(sun, p.sun_direction), *reach)))
     by_group = {name: levels[chosen] for name, chosen in sun_bins(scored).items()}
-    return {DENSEST: levels, **by_group, CONE: cones}
+    return {DENSEST: levels, **by_group, CONE: np.array(cones)}
 
 
 def _inside(levels: Floats, expected: Sequence[float]) -> Floats:
@@ -143,6 +138,7 @@ def _draw_panel(panel: Any, curves: dict[str, Floats]) -> None:
 
 
 _TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
+# Names of columns, and of the figures in them.
 _COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
 _TEMPERATURE_MEANING = fill(
     "Temperature T of the sun's probabilities, p^(1/T), in addition to the network's own. It is fitted by NLL on one "
@@ -176,9 +172,12 @@ def _temperature_row(
     fitted = _fit_temperature(list(compress(predictions, learning)), truth.sun[learning])
     test_predictions, test_truth = list(compress(predictions, tested)), select_crops(truth, tested)
     row = {"fitted to": float(np.count_nonzero(learning)), "temperature": fitted, "crops": float(len(test_predictions))}
-    before, after = (_tempered_figures(test_truth, [_tempered(p, t) for p in test_predictions]) for t in (1.0, fitted))
-    figures = {"before": before, "after": after}
-    return row | {f"{name}, {when}": of[name] for name in _COLUMNS for when, of in figures.items()}
+    figures = {}
+    for when, t in (("before", 1.0), ("after", fitted)):
+        tempered = [replace(p, sun_probability=temper(p.sun_probability, t)) for p in test_predictions]
+        suns, nll = [sun_from_prediction(p) for p in tempered], sun_nll(tempered, test_truth.sun)
+        figures[when] = sun_figures(test_truth, answers_from_estimates(suns, nll=nll))
+    return row | {f"{name}, {when}": of[c] for name, c in _COLUMNS.items() for when, of in figures.items()}
 
 
 def _fit_temperature(predictions: Sequence[Prediction], sun: Floats) -> float:
@@ -186,24 +185,9 @@ def _fit_temperature(predictions: Sequence[Prediction], sun: Floats) -> float:
     cells, area = (of(predictions[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
     sun_cell = np.argmax(sun @ cells.T, axis=1)
     log = np.log(np.maximum([p.sun_probability for p in predictions], MIN_DENSITY * area))
-    costs = {t: _mean_nll(log / t, sun_cell) for t in _TEMPERATURES}
-    return min(costs, key=costs.__getitem__)
 
+    def mean_nll(temperature: float) -> float:
+        logits = log / temperature
+        return float(np.mean(np.logaddexp.reduce(logits, axis=1) - logits[np.arange(len(sun_cell)), sun_cell]))
 
-def _mean_nll(log: Floats, cell: NDArray[np.intp]) -> float:
-    """Mean negative log probability of the cells `cell` (N,), from unnormalised logarithms (N, G)."""
-    highest = log.max(axis=1, keepdims=True)
-    total = np.log(np.exp(log - highest).sum(axis=1)) + highest[:, 0]
-    return float(np.mean(total - log[np.arange(len(cell)), cell]))
-
-
-def _tempered(prediction: Prediction, temperature: float) -> Prediction:
-    """The prediction with its sun's logits divided by another temperature."""
-    return replace(prediction, sun_probability=temper(prediction.sun_probability, temperature))
-
-
-def _tempered_figures(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, float]:
-    """COLUMNS over crops that all have a sun."""
-    suns = [sun_from_prediction(p) for p in predictions]
-    figures = sun_figures(truth, answers_from_estimates(suns, nll=sun_nll(predictions, truth.sun)))
-    return {name: figures[column] for name, column in _COLUMNS.items()}
+    return min(_TEMPERATURES, key=mean_nll)

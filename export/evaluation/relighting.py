@@ -38,11 +38,6 @@ def _plane_points() -> Floats:
     return np.asarray(start + ((-1 - start[:, 1]) / forward[1])[:, None] * forward)
 
 
-def _shadowed(points: Floats, rays: Floats) -> NDArray[np.bool_]:
-    """Which rays (R, 3) from points (P, 3) meet the sphere; one point at a time, for memory's sake."""
-    return np.array([np.isfinite(ray_sphere(point, rays, np.zeros(3))) for point in points])
-
-
 def pool_map(light: Floats) -> Floats:
     """A map at HEIGHT rows; means by solid angle, so that the sun keeps its power.
 
@@ -62,7 +57,8 @@ def _matrix(kind: str) -> NDArray[np.float32]:
     solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)
     if kind == "plane":
         lit = PLANE_ALBEDO / np.pi * np.maximum(rays[:, 1], 0) * solid_angle
-        return np.asarray(lit * ~_shadowed(_plane_points(), rays), dtype=np.float32)
+        reach = (ray_sphere(point, rays, np.zeros(3)) for point in _plane_points())  # in turn, for memory's sake
+        return np.asarray(lit * [np.isinf(distance) for distance in reach], dtype=np.float32)
     normals = _normals()
     if kind == "diffuse":
         return np.asarray(np.maximum(normals @ rays.T, 0) * solid_angle / np.pi, dtype=np.float32)
@@ -80,12 +76,6 @@ def _normals() -> Floats:
     inside = x**2 + y**2 < 1
     x, y = x[inside], y[inside]
     return np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=-1)
-
-
-def _errors(truth: Floats, estimate: Floats) -> tuple[float, float, float]:
-    """RMSE, RMSE after the best scale, and the mean angle [deg] between RGB vectors."""
-    scale = np.sum(truth * estimate) / max(float(np.sum(estimate**2)), 1e-12)
-    return _rms(truth - estimate), _rms(truth - scale * estimate), float(rgb_angle(truth, estimate).mean())
 
 
 def rgb_angle(a: Floats, b: Floats) -> Floats:
@@ -121,6 +111,8 @@ def object_errors(truth: Floats, guess: Floats) -> Floats:
         truth: (N, P, 3) pictures.
         guess: (N, P, 3) pictures.
     """
-    errors = np.array([_errors(t, g) for t, g in zip(truth, guess, strict=True)])
-    size = np.maximum(np.sqrt(np.mean(truth**2, axis=(1, 2))), 1e-9)
-    return np.asarray(errors / np.stack([size, size, np.ones(len(size))], axis=-1))
+    errors = []
+    for true, seen in zip(truth, guess, strict=True):
+        size, scale = max(_rms(true), 1e-9), np.sum(true * seen) / max(float(np.sum(seen**2)), 1e-12)
+        errors.append([_rms(true - seen) / size, _rms(true - scale * seen) / size, rgb_angle(true, seen).mean()])
+    return np.array(errors, dtype=np.float64)

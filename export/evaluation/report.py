@@ -35,14 +35,14 @@ from export.evaluation.metrics import (
     sun_error,
     sun_figures,
 )
-from export.evaluation.trust import trust_report
-from lighting.decoding import lighting_from_prediction
+from lighting.decoding import candidate_suns, lighting_from_prediction
 from lighting.estimator import Estimator
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.model import Model
-from lighting.photo.reader import Photo, read_photo
-from lighting.prediction import Prediction
-from lighting.sun_grid import weighted_median
+from lighting.photo.reader import read_photo
+from lighting.prediction import Prediction, SunDistribution
+from lighting.records import Lighting, Trust
+from lighting.sun_grid import grid_directions, weighted_median
 
 CONSTANT = "constant direction"
 _MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
@@ -105,17 +105,6 @@ def _place_figures(truth: Truth, answers: Answers, heights: dict[str, Bools]) ->
     return figures
 
 
-def _visibility_by_place(truth: Truth, answers: Answers) -> float:
-    """Area under the ROC curve of direct sunlight, yes against no, over all crops by place.
-
-    Args:
-        truth: of N crops.
-        answers: of the same crops.
-    """
-    known = np.isin(truth.visibility, (0.0, 1.0))
-    return auc(answers.visibility[known], truth.visibility[known] == 1.0, _place_weights(truth.place[known]))
-
-
 def _place_weights(places: Names) -> Floats:
     """Weights (N,) of crops that sum to 1, and to the same over each place."""
     _, index, count = np.unique(places, return_inverse=True, return_counts=True)
@@ -126,18 +115,16 @@ ELEVATIONS = ((0, 20), (20, 45), (45, 90))  # deg, bins of the true sun
 IN_VIEW = ("sun in view", "sky in view", "no sky")
 
 
-def format_report(
-    protocol: str, truth: Truth, answers: dict[str, Answers], network_answers: dict[str, Answers], ours: str
-) -> str:
+def format_report(protocol: str, truth: Truth, answers: dict[str, Answers], network_answers: dict[str, Answers]) -> str:
     """All tables of one protocol.
 
     Args:
         protocol: name of the cameras.
         truth: of N crops.
-        answers: of each method.
+        answers: of each method, ours first.
         network_answers: of the networks alone, without the straight lines that the pictures show.
-        ours: name of our method.
     """
+    ours = next(iter(answers))
     scored = select_crops(truth, truth.scored)
     answered = {name: select_crops(a, truth.scored) for name, a in answers.items()}
     cameras = {name: a for name, a in answers.items() if np.isfinite(a.camera).all()}
@@ -148,7 +135,7 @@ def format_report(
         "Sun [deg, nat]",
         figures_table({name: sun_figures(scored, a) for name, a in answered.items()}),
         "Median sun error with 95 % intervals: bootstrap over panoramas and over places",
-        _intervals_table(scored, answered, ours),
+        _intervals_table(scored, answered),
         "Each place counted alike, however many panoramas it has [deg]",
         _places_table(truth, answers),
         f"`{ours}` by true sun elevation, and by what is in view",
@@ -188,15 +175,15 @@ def in_view_report(truth: Truth, answers: dict[str, Answers], evidence: str) -> 
     return "\n\n".join(sections)
 
 
-def _intervals_table(truth: Truth, answers: dict[str, Answers], ours: str) -> str:
+def _intervals_table(truth: Truth, answers: dict[str, Answers]) -> str:
     """Each method's median error with its intervals, and those of our median minus that of the method."""
     errors = {name: sun_error(truth, a) for name, a in answers.items()}
-    rows = []
+    ours, rows = next(iter(errors.values())), []
     for name, error in errors.items():
         row = [name, f"{np.median(error):.1f}"]
         for units in (truth.panorama, truth.place):
             row.append(format_interval(median_interval(error, units)))
-            row.append("" if name == ours else format_interval(difference_interval(errors[ours], error, units)))
+            row.append("" if error is ours else format_interval(difference_interval(ours, error, units)))
         rows.append(row)
     return markdown_table(["", "median", "over panoramas", "ours minus this", "over places", "ours minus this"], rows)
 
@@ -205,10 +192,12 @@ def _places_table(truth: Truth, answers: dict[str, Answers]) -> str:
     """Figures of the sun by place, over the crops that are scored, and of visibility over all."""
     scored = select_crops(truth, truth.scored)
     heights = {name: chosen for name, chosen in sun_bins(scored).items() if name not in IN_VIEW}
+    known = np.isin(truth.visibility, (0.0, 1.0))
+    shining, weight = truth.visibility[known] == 1.0, _place_weights(truth.place[known])
     rows = {}
     for name, answered in answers.items():
         rows[name] = _place_figures(scored, select_crops(answered, truth.scored), heights)
-        rows[name]["visibility AUC"] = _visibility_by_place(truth, answered)
+        rows[name]["visibility AUC"] = auc(answered.visibility[known], shining, weight)
     return figures_table(rows)
 
 
@@ -236,11 +225,6 @@ _COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation")
 HEIGHTS = ((-10, 10), (10, 20), (-10, 20), (20, 45), (45, 90))  # deg, bins of the true sun; refraction lifts some
 
 
-def _photo_predictions(model: Model, photos: Sequence[Photo]) -> list[Prediction]:
-    """N, of the network with the camera by the photos' straight lines."""
-    return [Estimator(model).predict(photo) for photo in photos]
-
-
 def photo_report(index: Path, models: dict[str, Model]) -> str:
     """Tables of real photos with a true sun: medians over scenes, with direct sun and of all photos.
 
@@ -253,7 +237,7 @@ def photo_report(index: Path, models: dict[str, Model]) -> str:
     truth = direction([float(r["sun_azimuth"] or "nan") for r in rows], np.maximum(elevation, 0.0))
     scenes = np.array([r["group"] for r in rows])
     photos = [read_photo(index.parent / r["file"]) for r in rows]
-    predicted = {name: _photo_predictions(model, photos) for name, model in models.items()}
+    predicted = {name: list(map(Estimator(model).predict, photos)) for name, model in models.items()}
     suns = {
         name: np.array([lighting_from_prediction(p).sun_direction for p in predictions])
         for name, predictions in predicted.items()
@@ -287,13 +271,8 @@ def photo_bias(elevation: Floats, sun: Floats, scenes: Names, chosen: Bools) -> 
         chosen: (N,) which count.
     """
     error = angles(sun)[1] - elevation
-    bias = {}
-    for low, high in HEIGHTS:
-        part = chosen & (elevation >= low) & (elevation < high)
-        bias[f"{max(low, 0):g} to {high:g}°"] = (
-            median_by_scene(error[part], scenes[part]) if part.any() else float("nan")
-        )
-    return bias
+    parts = {(low, high): chosen & (elevation >= low) & (elevation < high) for low, high in HEIGHTS}
+    return {f"{max(low, 0):g} to {high:g}°": median_by_scene(error[p], scenes[p]) for (low, high), p in parts.items()}
 
 
 def photo_figures(truth: Floats, sun: Floats, scenes: Names) -> dict[str, float]:
@@ -308,9 +287,8 @@ def photo_figures(truth: Floats, sun: Floats, scenes: Names) -> dict[str, float]
     error = angle_between(truth, sun)
     turned, raised = np.abs(wrap_azimuth(azimuth - true_azimuth)), np.abs(elevation - true_elevation)
     errors = {"sun": error, "azimuth": turned, "elevation": raised}
-    return {key: median_by_scene(value, scenes) for key, value in errors.items()} | {
-        "photos < 45° %": percentage(error < 45)
-    }
+    medians = {key: median_by_scene(value, scenes) for key, value in errors.items()}
+    return medians | {"photos < 45° %": percentage(error < 45)}
 
 
 def median_by_scene(error: Floats, scenes: Names) -> float:
@@ -321,6 +299,50 @@ def median_by_scene(error: Floats, scenes: Names) -> float:
         scenes: (N,) names.
     """
     return median(np.array([np.median(error[scenes == scene]) for scene in np.unique(scenes)]))
+
+
+# What the word of trust in an answer is worth, and how often one of the suns that an answer lists is the true one.
+
+_NEAR, _FAR = 22.5, 45.0  # deg, errors that are small, and that are no gross ones
+
+
+def trust_report(title: str, predictions: Sequence[Prediction], sun: Floats) -> str:
+    """Table of shares by word of trust: of all, near the true sun by the answer and by the best of its suns [%].
+
+    Args:
+        title: of what.
+        predictions: N, by the pixels alone.
+        sun: (N, 3) true directions.
+    """
+    lights = [lighting_from_prediction(prediction) for prediction in predictions]
+    error = np.array([_errors(*each) for each in zip(lights, predictions, sun, strict=True)]).reshape(-1, 3)
+    radii = np.array([[light.radius_50, light.radius_90] for light in lights]).reshape(-1, 2)
+    words = np.array([light.trust.value for light in lights])
+    parts: dict[str, Bools] = {"all": np.ones(len(lights), dtype=bool)}
+    parts |= {trust.value: words == trust for trust in Trust}
+    rows = {
+        name: {
+            "crops": float(chosen.sum()),
+            "of all": percentage(chosen),
+            "within 22.5°": percentage(error[chosen, 0] < _NEAR),
+            "best of two": percentage(error[chosen, 1] < _NEAR),
+            "best of three": percentage(error[chosen, 2] < _NEAR),
+            "within 45°": percentage(error[chosen, 0] < _FAR),
+            "in `radius_50`": percentage(error[chosen, 0] <= radii[chosen, 0]),
+            "in `radius_90`": percentage(error[chosen, 0] <= radii[chosen, 1]),
+        }
+        for name, chosen in parts.items()
+        if chosen.any()
+    }
+    return f"Trust and candidates, {title} [%]\n\n{figures_table(rows)}"
+
+
+def _errors(light: Lighting, prediction: Prediction, sun: Floats) -> Floats:
+    """Angles (3,) [deg] to the true sun of the answer, and of the best of its first two and three suns."""
+    grid = prediction.spec.sun_grid
+    suns = candidate_suns(light, grid_directions(grid), SunDistribution(grid, prediction.sun_probability))
+    error = angle_between(direction([s.azimuth for s in suns], [s.elevation for s in suns]), sun)
+    return np.array([error[: count + 1].min() for count in range(3)])
 
 
 # Whether the estimated turbidity beats the best constant.
@@ -345,20 +367,17 @@ def turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answe
     """
     known = np.isfinite(truth.turbidity)
     rows = {"HDR": known & (kind == "hdr"), "LDR, clean sky": known & (kind == "ldr"), "both": known}
+    error, other = (np.abs(answers.turbidity - truth.turbidity) for answers in (ours, constant))
     lines = []
     for name, chosen in rows.items():
         if chosen.any():
-            answers = (select_crops(of, chosen) for of in (ours, constant))
-            lines.append(_turbidity_row(name, select_crops(truth, chosen), *answers))
+            places = [units[chosen] for units in (truth.panorama, truth.place)]
+            counts = chosen.sum(), *(len(np.unique(units)) for units in places)
+            medians = (f"{np.median(errors[chosen]):.2f}" for errors in (error, other))
+            less = (format_interval(difference_interval(error[chosen], other[chosen], units), 2) for units in places)
+            lines.append([name, *map(str, counts), *medians, *less])
     header = ["", "crops", "panoramas", "places", "network", "constant", "minus it, panoramas", "minus it, places"]
     return f"## Turbidity, protocol `{protocol}`\n\n{_TURBIDITY_MEANING}\n\n{markdown_table(header, lines)}"
-
-
-def _turbidity_row(name: str, truth: Truth, ours: Answers, constant: Answers) -> list[str]:
-    error, other = (np.abs(answers.turbidity - truth.turbidity) for answers in (ours, constant))
-    counts = (len(error), len(np.unique(truth.panorama)), len(np.unique(truth.place)))
-    less = [format_interval(difference_interval(error, other, units), 2) for units in (truth.panorama, truth.place)]
-    return [name, *map(str, counts), f"{np.median(error):.2f}", f"{np.median(other):.2f}", *less]
 
 
 # The figures of a network that the service returns, by names of their own.

@@ -85,9 +85,7 @@ def write_onnx(
     """
     if have_different_specs([*folders, *suns, *cameras]):
         raise DataError("The runs' networks expect different photos, so they cannot answer together.")
-    spec, metadata = _describe(folders, version)
-    others = {"suns": suns, "cameras": cameras}
-    metadata |= {name: json.dumps([training_history(read_record(f)) for f in some]) for name, some in others.items()}
+    spec, metadata = _describe({"training": folders, "suns": suns, "cameras": cameras}, version)
     networks, of_suns, of_cameras = ([_read_folded(f) for f in some] for some in (folders, suns, cameras))
     for network in of_suns:
         reduce_light_heads(network)
@@ -139,14 +137,14 @@ def _store_as_small_as_agrees(model: Any, ensemble: NetworkEnsemble, path: Path,
     return small, check_parity(difference, tolerance)
 
 
-def _describe(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec, dict[str, str]]:
+def _describe(groups: dict[str, Sequence[Path]], version: str | None) -> tuple[ModelSpec, dict[str, str]]:
     """The spec of the file and the metadata that tell where its networks come from."""
-    records, spec = [read_record(f) for f in folders], read_spec(folders[0])
-    data = "; ".join(dict.fromkeys(describe_data(r) for r in records))
-    commits = ", ".join(dict.fromkeys(run["commit"] for run in training_history(*records)))
-    training = json.dumps([training_history(r) for r in records])
-    metadata = {"commit": commits, "training": training}
-    return replace(spec, training_data=data, version=version or spec.version), metadata
+    records = {name: [read_record(f) for f in folders] for name, folders in groups.items()}
+    ours, spec = records["training"], read_spec(groups["training"][0])
+    data = "; ".join(dict.fromkeys(map(describe_data, ours)))
+    commits = ", ".join(dict.fromkeys(run["commit"] for run in training_history(*ours)))
+    histories = {name: json.dumps(list(map(training_history, some))) for name, some in records.items()}
+    return replace(spec, training_data=data, version=version or spec.version), {"commit": commits, **histories}
 
 
 def check_parity(difference: float, allowed: float) -> float:

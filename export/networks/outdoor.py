@@ -9,6 +9,7 @@ are the names of weights in checkpoints and ONNX files: they stay.
 """
 
 import math
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -125,13 +126,7 @@ class _CameraBins(nn.Module):
     def __init__(self, channels: int, features: int, cells: int, reduced: int = 24, hidden: int = 320) -> None:
         super().__init__()
         self.where = nn.Sequential(conv_batch_norm(channels, reduced, 1), nn.ReLU6(), nn.Flatten())
-        self.bins = nn.Sequential(
-            nn.Dropout(_DROP / 2),
-            nn.Linear(features + reduced * cells, hidden),
-            nn.SiLU(),
-            nn.Dropout(_DROP / 2),
-            nn.Linear(hidden, 3 * BINS),
-        )
+        self.bins = mlp_head(features + reduced * cells, 3 * BINS, hidden, _DROP / 2)
 
     def forward(self, layout: Tensor, pooled: Tensor) -> Tensor:
         logits: Tensor = self.bins(torch.cat([self.where(layout), pooled], dim=1))
@@ -139,16 +134,23 @@ class _CameraBins(nn.Module):
 
 
 class Outdoor(nn.Module):
-    """Pooled features tell what is in the picture, a small flattened map tells where; each head has one hidden layer.
+    """Our network of convolutions.
 
-    `build_network` describes the parts.
+    Pooled features tell what is in the picture, a small flattened map tells where; each head has one hidden layer.
+
+    Args:
+        spec: of the network.
+        pretrained: load the ImageNet weights of the backbone in place of random ones.
+        has_sun_in_view: predict where in the picture the sun is; our network before version 1.3 did not.
+        has_camera_bins: predict the camera's angles as distributions; before version 2.0 it did not.
+        has_surroundings: predict the light around the camera, its power, and whether the photo suits.
     """
 
     def __init__(
         self,
         spec: ModelSpec,
-        cells: int,
         *,
+        pretrained: bool = False,
         has_sun_in_view: bool = True,
         has_camera_bins: bool = True,
         has_surroundings: bool = False,
@@ -157,14 +159,16 @@ class Outdoor(nn.Module):
         self.backbone = Backbone()
         self.where = nn.Sequential(nn.Conv2d(320, 48, 1, bias=False), nn.BatchNorm2d(48), nn.ReLU6(), nn.Flatten())
         features = 1280 + 48 * math.ceil(spec.height / 32) * math.ceil(spec.width / 32)
-        self.sun = _head(features, cells)
-        self.values = _head(features, len(PARAMETERS))
+        self.sun = mlp_head(features, len(grid_directions(spec.sun_grid)))
+        self.values = mlp_head(features, len(PARAMETERS))
         self.seen = _SunInView(112, 1280) if has_sun_in_view else None
         cells_of_layout = math.ceil(spec.height / 16) * math.ceil(spec.width / 16)
         self.camera = _CameraBins(112, 1280, cells_of_layout) if has_camera_bins else None
-        self.around = _head(features, 3 * CELLS) if has_surroundings else None
-        self.light = _head(features, LIGHT) if has_surroundings else None
+        self.around = mlp_head(features, 3 * CELLS) if has_surroundings else None
+        self.light = mlp_head(features, LIGHT) if has_surroundings else None
         self.suitable = nn.Linear(1280, 1) if has_surroundings else None
+        if pretrained:
+            load_imagenet(self.backbone)
 
     def forward(self, photo: Tensor) -> NetworkOutput:
         middle, last, pooled = self.backbone(photo)
@@ -177,10 +181,22 @@ class Outdoor(nn.Module):
         sun, raw = self.sun(features), self.values(features)
         return NetworkOutput(sun, raw, sun_in_view, surroundings, camera, light, suitable)
 
+    def rate_groups(self) -> list[dict[str, Any]]:
+        """What learns, with its scale of the learning rate."""
+        return [{"params": [p for p in self.parameters() if p.requires_grad], "scale": 1.0}]
 
-def _head(features: int, outputs: int) -> nn.Sequential:
-    first, last = nn.Linear(features, _HIDDEN), nn.Linear(_HIDDEN, outputs)
-    return nn.Sequential(nn.Dropout(_DROP), first, nn.SiLU(), nn.Dropout(_DROP), last)
+
+def mlp_head(features: int, outputs: int, hidden: int = _HIDDEN, drop: float = _DROP) -> nn.Sequential:
+    """Two layers that take features (B, features) to an answer (B, outputs).
+
+    Args:
+        features: numbers that it sees.
+        outputs: numbers of the answer.
+        hidden: numbers between both layers.
+        drop: share of the features, and of the numbers between, that training leaves out.
+    """
+    first, last = nn.Linear(features, hidden), nn.Linear(hidden, outputs)
+    return nn.Sequential(nn.Dropout(drop), first, nn.SiLU(), nn.Dropout(drop), last)
 
 
 _LIGHT_RANK = 32  # of the first layers of what tells the light: the answers stay, the file is 2.5 MB smaller
@@ -204,35 +220,6 @@ def reduce_light_heads(network: nn.Module) -> None:
 
 
 HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has
-
-
-def build_network(
-    spec: ModelSpec,
-    *,
-    pretrained: bool = False,
-    has_sun_in_view: bool = True,
-    has_camera_bins: bool = True,
-    has_surroundings: bool = False,
-) -> nn.Module:
-    """Our network of convolutions.
-
-    Args:
-        spec: of the network.
-        pretrained: load the ImageNet weights of the backbone in place of random ones.
-        has_sun_in_view: predict where in the picture the sun is; our network before version 1.3 did not.
-        has_camera_bins: predict the camera's angles as distributions; before version 2.0 it did not.
-        has_surroundings: predict the light around the camera, its power, and whether the photo suits.
-    """
-    network = Outdoor(
-        spec,
-        len(grid_directions(spec.sun_grid)),
-        has_sun_in_view=has_sun_in_view,
-        has_camera_bins=has_camera_bins,
-        has_surroundings=has_surroundings,
-    )
-    if pretrained:
-        load_imagenet(network.backbone)
-    return network
 
 
 def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:

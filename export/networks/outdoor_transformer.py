@@ -16,7 +16,7 @@ from torch.nn import functional as F
 
 from export.crops.targets import CELLS
 from export.networks.backbone import NetworkOutput
-from export.networks.outdoor import BACKBONE_MEAN, BACKBONE_STD, BINS, LIGHT
+from export.networks.outdoor import BACKBONE_MEAN, BACKBONE_STD, BINS, LIGHT, mlp_head
 from export.networks.vision_transformer import (
     IMAGENET_MEAN,
     IMAGENET_STD,
@@ -62,11 +62,11 @@ class OutdoorTransformer(nn.Module):
         self.norms = nn.ModuleList(nn.LayerNorm(WIDTH) for _ in _READ)
         self.where = nn.Linear(len(_READ) * WIDTH, _LAYOUT)
         self.reduce = nn.Linear(TOKENS + _LAYOUT * (self.side // 2) ** 2, _REDUCED)
-        self.sun = _head(384, len(grid_directions(spec.sun_grid)))
-        self.values = _head(192, len(PARAMETERS))
-        self.camera = _head(320, 3 * BINS)
-        self.light = _head(192, LIGHT) if has_surroundings else None
-        self.around = _head(256, 3 * CELLS) if has_surroundings else None
+        self.sun = mlp_head(_REDUCED, len(grid_directions(spec.sun_grid)), 384, _DROP)
+        self.values = mlp_head(_REDUCED, len(PARAMETERS), 192, _DROP)
+        self.camera = mlp_head(_REDUCED, 3 * BINS, 320, _DROP)
+        self.light = mlp_head(_REDUCED, LIGHT, 192, _DROP) if has_surroundings else None
+        self.around = mlp_head(_REDUCED, 3 * CELLS, 256, _DROP) if has_surroundings else None
         self.suitable = nn.Linear(self.reduce.in_features, 1) if has_surroundings else None
         with torch.no_grad():
             last = self.sun[-1]
@@ -131,11 +131,6 @@ def _draw_patches(seen: Tensor) -> Tensor:
 def _shown_patches(seen: Tensor) -> Tensor:
     """Places (B, N) of the patches that any of the photos shows, of seen (B, side^2)."""
     return seen.any(dim=0).nonzero()[:, 0].expand(seen.shape[0], -1)
-
-
-def _head(hidden: int, outputs: int) -> nn.Sequential:
-    first, last = nn.Linear(_REDUCED, hidden), nn.Linear(hidden, outputs)
-    return nn.Sequential(nn.Dropout(_DROP), first, nn.SiLU(), nn.Dropout(_DROP), last)
 
 
 def _smooth_fields(layout: str, count: int) -> Tensor:

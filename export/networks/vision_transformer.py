@@ -45,16 +45,9 @@ class _Block(nn.Module):
         self.scale1, self.scale2 = nn.Parameter(torch.ones(WIDTH)), nn.Parameter(torch.ones(WIDTH))
         self.folded = False
 
-    def fold(self) -> None:
-        """Multiply the scales into the weights; the block then does not learn."""
-        self.folded = True
-        self._multiply(1)
-
-    def unfold(self) -> None:
-        """Divide weights that were folded by the scales, so that they learn at the rates at which they learned."""
-        self._multiply(-1)
-
-    def _multiply(self, power: int) -> None:
+    def fold(self, power: int) -> None:
+        """Multiply the scales into the weights, or divide these by them with a power of -1, so that they learn."""
+        self.folded = power > 0
         with torch.no_grad():
             for layer, scale in ((self.out, self.scale1), (self.fc2, self.scale2)):
                 layer.weight.mul_(scale[:, None] ** power)
@@ -133,15 +126,16 @@ class VisionTransformer(nn.Module):
         """
         table = self._positions(side).detach().flatten(2).transpose(1, 2)
         self.position = nn.Parameter(table, requires_grad=False)
-        for block in self.blocks:
-            assert isinstance(block, _Block)
-            block.fold()
+        self._fold_blocks(1)
 
     def unfold(self) -> None:
         """Divide a file's weights of blocks by the constants that were multiplied into them; it learns further then."""
+        self._fold_blocks(-1)
+
+    def _fold_blocks(self, power: int) -> None:
         for block in self.blocks:
             assert isinstance(block, _Block)
-            block.unfold()
+            block.fold(power)
 
     def _positions(self, side: int) -> Tensor:
         """The table of positions (1, WIDTH, side, side)."""

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from export.data.panoramas import DataError
-from export.networks.outdoor import build_network, load_weights
+from export.networks.outdoor import Outdoor, load_weights
 from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.vision_transformer import WHEEL
 from lighting.fields import Json
@@ -20,7 +20,7 @@ from lighting.prediction import ModelSpec
 
 RUN_RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
 CHECKPOINT = "checkpoint.pt"
-# Heads that not every network has, by the parameter of `build_network`, and how their weights are called.
+# Heads that not every network has, by the parameter of `Outdoor`, and how their weights are called.
 _OPTIONAL_PARTS = {"has_sun_in_view": "seen.", "has_camera_bins": "camera.", "has_surroundings": "light."}
 
 
@@ -159,7 +159,7 @@ def read_network(folder: Path) -> nn.Module:
     if any(name.startswith("trunk.") for name in weights):
         network = OutdoorTransformer(spec, has_surroundings=has["has_surroundings"])
     else:
-        network = build_network(spec, **has)
+        network = Outdoor(spec, **has)
     load_weights(network, weights)
     return network.eval()
 

@@ -11,8 +11,6 @@ References:
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -46,14 +44,6 @@ _SIDE = 40  # pixels of a ball's picture
 _EPSILON = 1e-9
 
 
-@dataclass(frozen=True)
-class _Score:
-    """Errors of one map, by _BALLS."""
-
-    rmse: tuple[float, ...]  # after the best scale
-    angle: tuple[float, ...]  # deg
-
-
 def report_light_balls(data: Path, model: Model, count: int | None = None) -> str:
     """A table in Markdown for the HDR panoramas of `val`: the maps of crops, and the mean map of `train` beside them.
 
@@ -64,42 +54,38 @@ def report_light_balls(data: Path, model: Model, count: int | None = None) -> st
     """
     mean = np.mean([_views(p)[0][1].mean(axis=1, keepdims=True) for p in _hdr_rows(data, "train")], axis=0)
     constant = mean.repeat(2 * HEIGHT, axis=1)
-    ours: list[_Score] = []
-    theirs: list[_Score] = []
+    scores: list[list[Floats]] = []  # of each map and the mean map
     sunny: list[bool] = []
     estimator = Estimator(model)
     for panorama in _hdr_rows(data, "val")[:count]:
         for photo, truth in _views(panorama):
             estimate = estimator(photo_from_array(photo), UserInput(vertical_fov=_FOV))
             lit = pool_map(estimate.render(MapOptions(_MAP_ROWS)).image)
-            ours.append(_score_map(lit, truth))
-            theirs.append(_score_map(constant, truth))
+            scores.append([_score_map(light, truth) for light in (lit, constant)])
             sunny.append(panorama.sun == "visible" and panorama.direct == "yes")
-    chosen = np.array(sunny)
+    chosen, errors = np.array(sunny), np.array(scores)
     rows = {
-        f"{name}, {part} ({np.count_nonzero(which)} crops)": _figures(scores, which)
+        f"{name}, {part} ({np.count_nonzero(which)} crops)": _figures(errors[which, number])
         for part, which in (("all", np.ones_like(chosen)), ("in the sun", chosen))
-        for name, scores in (("map", ours), ("mean map", theirs))
+        for number, name in enumerate(("map", "mean map"))
         if which.any()
     }
     return "\n\n".join(["## Three balls, by the public protocol", __doc__.split("\n\n")[1], figures_table(rows, 3)])
 
 
-def _score_map(light: Floats, truth: Floats) -> _Score:
-    """The errors of a map.
+def _score_map(light: Floats, truth: Floats) -> Floats:
+    """The errors of a map (balls, 2): after the best scale, and of angles [deg].
 
     Args:
         light: (HEIGHT, 2 HEIGHT, 3) linear.
         truth: as `light`.
     """
-    shown, true = (_developed(one).reshape(-1, 3) for one in (light, truth))
-    errors = [_ball_errors(matrix @ shown, matrix @ true) for matrix in _ball_matrices()]
-    return _Score(tuple(e[0] for e in errors), tuple(e[1] for e in errors))
-
-
-def _ball_errors(lit: Floats, true: Floats) -> tuple[float, float]:
-    scale = float(np.sum(lit * true) / max(float(np.sum(lit**2)), _EPSILON))
-    return float(np.sqrt(np.mean((scale * lit - true) ** 2))), float(rgb_angle(lit, true).mean())
+    errors, maps = [], [_developed(one).reshape(-1, 3) for one in (light, truth)]
+    for matrix in _ball_matrices():
+        lit, true = (matrix @ one for one in maps)
+        scale = float(np.sum(lit * true) / max(float(np.sum(lit**2)), _EPSILON))
+        errors.append([np.sqrt(np.mean((scale * lit - true) ** 2)), rgb_angle(lit, true).mean()])
+    return np.array(errors, dtype=np.float64)
 
 
 def _developed(light: Floats) -> Floats:
@@ -108,10 +94,10 @@ def _developed(light: Floats) -> Floats:
     return np.asarray(power * (0.5 / max(float(np.median(power)), _EPSILON)))
 
 
-def _figures(scores: Sequence[_Score], chosen: NDArray[np.bool_]) -> dict[str, float]:
-    rmse, angle = (np.array([getattr(s, name) for s in scores])[chosen].mean(axis=0) for name in ("rmse", "angle"))
-    pairs = zip(_BALLS, rmse.tolist(), angle.tolist(), strict=True)
-    return {key: value for ball, r, a in pairs for key, value in ((f"{ball} SI-RMSE", r), (f"{ball} angle", a))}
+def _figures(errors: Floats) -> dict[str, float]:
+    """Means of errors (N, balls, 2), by ball."""
+    names = [f"{ball} {what}" for ball in _BALLS for what in ("SI-RMSE", "angle")]
+    return dict(zip(names, errors.mean(axis=0).ravel().tolist(), strict=True))
 
 
 @lru_cache(maxsize=1)

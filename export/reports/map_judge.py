@@ -99,29 +99,18 @@ def report_map_judge(data: Path, model: Model, count: int, split: str, cache: Pa
     stacked = {name: np.stack(one) for name, one in found.items()}
     names = np.array([panorama.name for panorama in panoramas])
     places = np.array([panorama.place for panorama in panoramas])
-    rows = {name: _figures(one, stacked["true"], places) for name, one in stacked.items()}
     if earlier is not None:
         with np.load(earlier) as stored:
             order = [stored["names"].tolist().index(name) for name in names]
-            before = stored["maps"][order]
-        rows["earlier maps"] = _figures(before, stacked["true"], places)
-        rows["nearer"] = _share_nearer(stacked["maps"], before, stacked["true"], places)
+            stacked["earlier maps"] = stored["maps"][order]
     np.savez_compressed(cache / _FILE, names=names, places=places, true=stacked["true"], maps=stacked["maps"])
+    rows: dict[str, dict[str, float]] = {name: {} for name in stacked}
+    for kind, views in _KINDS.items():
+        true = stacked["true"][:, views]
+        drawn = {name: distances_by_places(one[:, views], true, places, _DRAWS) for name, one in stacked.items()}
+        for name, distances in drawn.items():
+            rows[name] |= {kind: float(distances.mean()), f"{kind} +-": float(distances.std())}
+        if earlier is not None:  # the share of draws of places in which maps are nearer to true panoramas
+            share = float(np.mean(drawn["maps"] < drawn["earlier maps"]))
+            rows.setdefault("nearer", {}).update({kind: share, f"{kind} +-": float("nan")})
     return f"## Judged by a network\n\n{JUDGE_NOTE}\n\n{figures_table(rows, digits=2)}"
-
-
-def _figures(maps: Floats, true: Floats, places: NDArray[np.str_]) -> dict[str, float]:
-    figures: dict[str, float] = {}
-    for kind, views in _KINDS.items():
-        drawn = distances_by_places(maps[:, views], true[:, views], places, _DRAWS)
-        figures |= {kind: float(drawn.mean()), f"{kind} +-": float(drawn.std())}
-    return figures
-
-
-def _share_nearer(maps: Floats, others: Floats, true: Floats, places: NDArray[np.str_]) -> dict[str, float]:
-    """By _KINDS, in which share of draws of places maps are nearer to true panoramas than others are."""
-    shares: dict[str, float] = {}
-    for kind, views in _KINDS.items():
-        ours, theirs = (distances_by_places(m[:, views], true[:, views], places, _DRAWS) for m in (maps, others))
-        shares |= {kind: float(np.mean(ours < theirs)), f"{kind} +-": float("nan")}
-    return shares

@@ -40,13 +40,10 @@ class _Marked:
 
 @dataclass(frozen=True)
 class _MarkedAnswer:
-    """What marks make of an answer; errors in degrees."""
+    """What marks make of an answer."""
 
     groups: tuple[str, ...]
-    azimuth: float
-    whole: float
-    network_azimuth: float
-    network_whole: float
+    errors: tuple[float, ...]  # deg, of the azimuth and in all; then both of the network alone
     in_regions: tuple[bool, bool]  # of 50 and 90 %
 
 
@@ -153,35 +150,26 @@ def _answer(estimator: Estimator, marked: _Marked, marks: Sequence[str], groups:
         light = estimator(marked.photo, UserInput(metadata=False, shadows=marks)).lighting
     except ParameterError:
         return None
-    whole = float(angle_between(light.sun_direction, marked.sun))
-    return _MarkedAnswer(
-        tuple(groups),
-        _azimuth_error(light.sun_direction, marked.sun),
-        whole,
-        _azimuth_error(marked.alone, marked.sun),
-        float(angle_between(marked.alone, marked.sun)),
-        (whole <= light.radius_50, whole <= light.radius_90),
-    )
-
-
-def _azimuth_error(answer: Floats, sun: Floats) -> float:
-    return abs(float(wrap_azimuth(angles(answer)[0] - angles(sun)[0])))
+    errors: list[float] = []
+    for answer in (light.sun_direction, marked.alone):
+        azimuth = abs(float(wrap_azimuth(angles(answer)[0] - angles(marked.sun)[0])))
+        errors += azimuth, float(angle_between(answer, marked.sun))
+    in_regions = errors[1] <= light.radius_50, errors[1] <= light.radius_90
+    return _MarkedAnswer(tuple(groups), tuple(errors), in_regions)
 
 
 def _table(answers: Iterable[_MarkedAnswer | None]) -> str:
     """A row for each group."""
     groups: dict[str, list[_MarkedAnswer]] = {}
-    for answer in answers:
-        if answer is not None:
-            for group in answer.groups:
-                groups.setdefault(group, []).append(answer)
+    for answer in filter(None, answers):
+        for group in answer.groups:
+            groups.setdefault(group, []).append(answer)
     return markdown_table(_HEADINGS, [_row(name, members) for name, members in sorted(groups.items())])
 
 
 def _row(name: str, answers: Sequence[_MarkedAnswer]) -> list[str]:
-    azimuth, whole = [a.azimuth for a in answers], [a.whole for a in answers]
-    alone = [a.network_azimuth for a in answers], [a.network_whole for a in answers]
-    figures = [figure for errors in (azimuth, whole, *alone) for figure in np.percentile(errors, [50, 90])]
+    errors = np.array([a.errors for a in answers])
+    figures = np.percentile(errors, [50, 90], axis=0).T.ravel()
     inside = " / ".join(f"{100 * share:.0f} %" for share in np.mean([a.in_regions for a in answers], axis=0))
-    ratio = np.median(whole) / np.median(alone[1])
+    ratio = np.median(errors[:, 1]) / np.median(errors[:, 3])
     return [name, str(len(answers)), *(f"{figure:.1f}°" for figure in figures), inside, f"{ratio:.2f}"]

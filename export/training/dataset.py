@@ -21,7 +21,7 @@ from export.crops.crops import (
     aimed_camera,
     crop_panorama,
     crop_rng,
-    is_resolved,
+    native_rows,
     paper_camera,
     sampling_weights,
     training_camera,
@@ -162,7 +162,7 @@ class TrainingCrops(Dataset[Batch]):
             views.append((other, view, second.gain))
             crop = cutmix(crop, second, rng)
         pixels, gains, hidden = augment(crop, rng)
-        resolved = all(is_resolved(s, camera, sharpness * pixels.shape[0]) for s in sources)
+        resolved = all(native_rows(s, camera) >= sharpness * pixels.shape[0] for s in sources)
         visible = {"unknown": None, "visible": not hidden}.get(source.panorama.sun, False)
         return Batch(
             photo=torch.from_numpy(pad_to_input(pixels, self.spec)),

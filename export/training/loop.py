@@ -20,7 +20,7 @@ from torch.utils.data import DataLoader
 
 from export.crops.crops import load_sources
 from export.data.panoramas import DataError, Panorama
-from export.networks.outdoor import build_network, load_weights, network_specs
+from export.networks.outdoor import Outdoor, load_weights, network_specs
 from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.weights import (
     CHECKPOINT,
@@ -42,7 +42,6 @@ from export.training.dataset import (
 from export.training.losses import TeacherEnsemble, add_mirror_images, blend_pictures, blended_shares, training_losses
 from lighting.fields import Json
 from lighting.files import atomic_write, stale_temporaries
-from lighting.prediction import ModelSpec
 
 _MAX_GRADIENT = 5.0  # norm
 _KNOWN_SUN = 0.5  # weight of the sun's own target beside what teachers answer
@@ -57,19 +56,6 @@ def _learning_rate(step: int, steps: int, warmup: float) -> float:
     return 0.5 * (1 + math.cos(math.pi * (step - rise) / max(1, steps - rise)))
 
 
-def _new_network(config: TrainConfig, spec: ModelSpec, *, pretrained: bool) -> nn.Module:
-    if config.network == "transformer":
-        return OutdoorTransformer(spec, pretrained=pretrained, has_surroundings=config.surroundings)
-    return build_network(spec, pretrained=pretrained, has_surroundings=config.surroundings)
-
-
-def _rate_groups(network: nn.Module) -> list[dict[str, Any]]:
-    """What learns, each group with its scale of the learning rate."""
-    if isinstance(network, OutdoorTransformer):
-        return network.rate_groups()
-    return [{"params": [p for p in network.parameters() if p.requires_grad], "scale": 1.0}]
-
-
 class _Run:
     """Network, averaged weights, optimizer and position."""
 
@@ -80,15 +66,16 @@ class _Run:
         self.bfloat16 = self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()  # else emulated, slowly
         torch.manual_seed(0)
         pretrained = config.pretrained and not config.start
-        network = _new_network(config, self.spec, pretrained=pretrained)
+        kind = OutdoorTransformer if config.network == "transformer" else Outdoor
+        network = kind(self.spec, pretrained=pretrained, has_surroundings=config.surroundings)
         if config.start:
             load_weights(network, averaged_weights(Path(config.start)))
         self.network = network.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         ema: Any = get_ema_multi_avg_fn  # not annotated by torch
         self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
-        self.optimizer = torch.optim.AdamW(
-            _rate_groups(network), config.learning_rate, weight_decay=config.weight_decay
-        )
+        groups = network.rate_groups()
+        self.optimizer = torch.optim.AdamW(groups, config.learning_rate, weight_decay=config.weight_decay)
+        self.parts: dict[str, Any] = {"network": self.network, "average": self.average, "optimizer": self.optimizer}
         folders = [Path(folder) for folder in config.teachers]
         taught = {"surroundings": config.surroundings}
         self.teachers = TeacherEnsemble(folders, self.spec, self.device, **taught) if folders else None
@@ -106,18 +93,16 @@ class _Run:
         if self.checkpoint.exists():
             state = read_checkpoint(self.checkpoint.parent, self.device)
             try:
-                self.network.load_state_dict(state["network"])
-                self.average.load_state_dict(state["average"])
-                self.optimizer.load_state_dict(state["optimizer"])
+                for name, part in self.parts.items():
+                    part.load_state_dict(state[name])
                 self.step = state["step"]
             except (KeyError, RuntimeError, ValueError) as error:
                 raise DataError(f"{self.checkpoint} is of another network than the run's.") from error
 
     def save(self) -> None:
         """Write the whole state; if the run is killed meanwhile, the previous one stays."""
-        parts = {"network": self.network, "average": self.average, "optimizer": self.optimizer}
         with atomic_write(self.checkpoint) as path:
-            torch.save({**{k: v.state_dict() for k, v in parts.items()}, "step": self.step}, path)
+            torch.save({**{k: v.state_dict() for k, v in self.parts.items()}, "step": self.step}, path)
 
     def losses(self, network: nn.Module, batch: Batch, teachers: TeacherEnsemble | None = None) -> dict[str, Tensor]:
         """Losses of a batch on the device, in bfloat16 where that is safe and the processor has it.
@@ -145,7 +130,9 @@ class _Run:
             )
         if self.config.mirrored:
             batch = add_mirror_images(batch)
-        parts = self._choose_losses(self.losses(self.network, batch, self.teachers))
+        parts = self.losses(self.network, batch, self.teachers)
+        if self.config.only_camera:
+            parts = {name: parts[name] for name in _CAMERA_LOSSES}
         torch.autograd.backward(torch.stack(list(parts.values())).sum())
         nn.utils.clip_grad_norm_(self.network.parameters(), _MAX_GRADIENT)
         self.optimizer.step()
@@ -153,10 +140,6 @@ class _Run:
         self.average.update_parameters(self.network)
         self.step += 1
         return {name: value.detach() for name, value in parts.items()}
-
-    def _choose_losses(self, parts: dict[str, Tensor]) -> dict[str, Tensor]:
-        """The losses that the run minimizes."""
-        return {name: parts[name] for name in _CAMERA_LOSSES} if self.config.only_camera else parts
 
     def batches(self, dataset: TrainingCrops, first: int = 0) -> Iterator[Batch]:
         """Batches on the device, beginning with crop number `first`."""
@@ -166,7 +149,6 @@ class _Run:
             sampler=range(first, len(dataset)),
             num_workers=self.config.workers,
             drop_last=not dataset.tune,
-            worker_init_fn=_one_thread,
             pin_memory=self.device.type == "cuda",  # so that copies to a GPU do not wait
         )
         for batch in loader:
@@ -179,10 +161,6 @@ class _Run:
         with torch.inference_mode():
             parts = [self.losses(self.average, batch) for batch in self.batches(dataset)]
         return {name: float(torch.stack([p[name] for p in parts]).mean()) for name in parts[0]} if parts else {}
-
-
-def _one_thread(_worker: int) -> None:
-    torch.set_num_threads(1)
 
 
 def _write_record(run: _Run, commits: Iterable[str], kept: Sequence[Panorama], held_out: Sequence[Panorama]) -> None:
@@ -223,15 +201,14 @@ def _earlier_commits(config: TrainConfig) -> list[str]:
 
 def _settings(config: TrainConfig) -> Json:
     """A run's settings by name, its paths absolute."""
-    settings = asdict(config)
-    for name in PATH_SETTINGS:
-        value = settings[name]
-        settings[name] = _absolute(value) if isinstance(value, str) else [_absolute(path) for path in value]
-    return settings
+    return {name: _absolute(value) if name in PATH_SETTINGS else value for name, value in asdict(config).items()}
 
 
-def _absolute(path: str) -> str:
-    return str(Path(path).resolve()) if path else ""
+def _absolute(paths: Any) -> Any:
+    """A path, or each of several, as an absolute one; an empty text stays."""
+    if isinstance(paths, str):
+        return str(Path(paths).resolve()) if paths else ""
+    return list(map(_absolute, paths))
 
 
 def _commit() -> str:
@@ -281,11 +258,8 @@ def _loop(run: _Run, dataset: TrainingCrops, tune: TrainingCrops | None) -> None
             means = {name: float(torch.stack([w[name] for w in window]).mean()) for name in window[0]}
             window.clear()
             held_out = {f"tune_{k}": v for k, v in run.tune_losses(tune).items()} if tune is not None and last else {}
-            _log(run, {"minutes": (saved - started) / 60, **means, **held_out})
-
-
-def _log(run: _Run, values: dict[str, float]) -> None:
-    line = json.dumps({"step": run.step, **{name: round(value, 4) for name, value in values.items()}})
-    print(line, flush=True)
-    with (Path(run.config.out) / "log.jsonl").open("a") as file:
-        file.write(line + "\n")
+            values = {"minutes": (saved - started) / 60, **means, **held_out}
+            line = json.dumps({"step": run.step, **{name: round(value, 4) for name, value in values.items()}})
+            print(line, flush=True)
+            with (Path(run.config.out) / "log.jsonl").open("a") as file:
+                file.write(line + "\n")

@@ -116,17 +116,14 @@ class TeacherEnsemble:
     """
 
     def __init__(self, folders: Sequence[Path], spec: ModelSpec, device: torch.device, *, surroundings: bool) -> None:
-        read = {folder: read_network(folder).requires_grad_(False) for folder in folders}
-        for folder, network in read.items():
+        self.surroundings, self.networks = surroundings, []
+        for folder in folders:
+            network = read_network(folder).requires_grad_(False)
             if replace(read_spec(folder), version="") != replace(spec, version=""):
                 raise DataError(f"{folder} cannot teach this run: its network has another form.")
             if surroundings and network.light is None:
                 raise DataError(f"{folder} cannot teach --surroundings: it has not learnt them.")
-        self.surroundings = surroundings
-        self.networks = [
-            network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-            for network in read.values()
-        ]
+            self.networks.append(network.to(device, memory_format=torch.channels_last))  # type: ignore[call-overload]
 
     @torch.no_grad()
     def targets(self, photo: Tensor) -> Batch:

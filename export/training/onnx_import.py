@@ -18,7 +18,7 @@ from torch.utils.data import DataLoader
 
 from export.crops.crops import load_sources
 from export.data.panoramas import DataError
-from export.networks.outdoor import HEADS, build_network
+from export.networks.outdoor import HEADS, Outdoor
 from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.weights import check_new, write_run
 from export.training.dataset import TrainConfig, TrainingCrops, training_panoramas
@@ -61,8 +61,12 @@ def _read_onnx_network(file: Path, number: int) -> tuple[nn.Module, dict[str, st
     DataError if the file is none of `write_onnx`, or holds no such network.
     """
     import onnx
+    from google.protobuf.message import DecodeError
 
-    model = _load_onnx(file)
+    try:
+        model = onnx.load(str(file))
+    except DecodeError as error:
+        raise DataError(f"{file} is not an ONNX file, or damaged.") from error
     metadata = {entry.key: entry.value for entry in model.metadata_props}
     if "spec" not in metadata:
         raise DataError(f"{file} is not a lighting network: its metadata has no 'spec'.")
@@ -80,7 +84,7 @@ def _read_onnx_network(file: Path, number: int) -> tuple[nn.Module, dict[str, st
         network = OutdoorTransformer(spec, pretrained=True, has_surroundings=surroundings)
         state = network.state_dict() | _transformer_weights(network, model.graph, tensors, prefix)
     else:
-        network = build_network(spec, has_camera_bins=bins, has_surroundings=surroundings)
+        network = Outdoor(spec, has_camera_bins=bins, has_surroundings=surroundings)
         state = _weights(network, tensors, prefix)
     missing, _ = network.load_state_dict(state, strict=False)
     if lost := [name for name in missing if not name.startswith((*HEADS, "sun.", "values."))]:
@@ -88,17 +92,6 @@ def _read_onnx_network(file: Path, number: int) -> tuple[nn.Module, dict[str, st
     if isinstance(network, OutdoorTransformer):
         network.trunk.unfold()
     return network, metadata
-
-
-def _load_onnx(file: Path) -> Any:
-    """The ONNX model in a file; DataError if it is of another kind or damaged."""
-    import onnx
-    from google.protobuf.message import DecodeError
-
-    try:
-        return onnx.load(str(file))
-    except DecodeError as error:
-        raise DataError(f"{file} is not an ONNX file, or damaged.") from error
 
 
 def _prefixes(tensors: Iterable[str]) -> list[str]:
@@ -158,16 +151,12 @@ def _transformer_weights(
         if weight is None:  # of a product, which is known by the bias that is added
             node = users[f"{prefix}{name}.bias"]
             product = node if "MatMul" in node.op_type else makers[node.input[0]]
-            weight = _product_weight(tensors, product.input[1])
+            weight = _find_tensor(tensors, product.input[1])
+            assert weight is not None
+            if f"{product.input[1]}.scale" not in tensors:  # those of whole numbers are turned already
+                weight = weight.T.contiguous()
         state |= {f"{name}.weight": weight, f"{name}.bias": bias}
     return state
-
-
-def _product_weight(tensors: dict[str, NDArray[Any]], name: str) -> Tensor:
-    """Weights (outputs, inputs) of a matrix product, which the file may have as whole numbers with a scale."""
-    weight = _find_tensor(tensors, name)
-    assert weight is not None
-    return weight if f"{name}.scale" in tensors else weight.T.contiguous()
 
 
 def _before(name: str) -> str:

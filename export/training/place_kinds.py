@@ -18,11 +18,10 @@ from torch import nn
 
 from export.crops.crops import crop_rng
 from export.data.detail_library import level_views, library_pictures, read_detail_library, write_detail_library
-from export.data.panoramas import Panorama, linearize, read_index, read_picture, read_table
+from export.data.panoramas import Panorama, read_index, read_linear_panorama, read_table
 from lighting.color import tone_map
 from lighting.envmap.appearance import PLACE_KINDS, kind_features, kind_probability
 from lighting.envmap.detail_library import LIBRARY_PATH
-from lighting.envmap.latlong import shrink_envmap
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array
@@ -75,15 +74,10 @@ def fit_place_kinds(data: Path, model: Model) -> str:
     )
     weights = _fit(features, kinds, places)
     table, _, pictures = read_detail_library(LIBRARY_PATH)
-    seen = np.stack(
-        [
-            _describe_views((photo for _, photo in level_views(linear)), model)
-            for linear in library_pictures(table, pictures)
-        ]
-    )  # (N, V, F)
-    filed = np.array(
-        [[_SHARES.get(k, {k: 1.0}).get(name, 0.0) for name in PLACE_KINDS] for k in table["kind"].tolist()]
-    )
+    views = ((photo for _, photo in level_views(linear)) for linear in library_pictures(table, pictures))
+    seen = np.stack([_describe_views(photos, model) for photos in views])  # (N, V, F)
+    shares = [_SHARES.get(kind, {kind: 1.0}) for kind in table["kind"].tolist()]
+    filed = np.array([[share.get(name, 0.0) for name in PLACE_KINDS] for share in shares])
     table["kinds"] = _FILED * filed + (1 - _FILED) * kind_probability(seen, weights).mean(axis=1)
     write_detail_library(LIBRARY_PATH, table, weights.astype(np.float32), pictures)
     said = kind_probability(others, weights)
@@ -131,17 +125,14 @@ def _describe_views(views: Iterator[Photo], model: Model) -> Floats:
 def _views(panorama: Panorama) -> Iterator[Photo]:
     """Views of a panorama all around, of several shapes and fields of view."""
     rng = crop_rng(panorama.name, 0, "kinds")
-    linear = shrink_envmap(linearize(panorama, read_picture(panorama)), _ROWS)
+    linear = read_linear_panorama(panorama, _ROWS)
     if panorama.kind == "hdr":
-        linear = linear * np.float32(
-            _BRIGHT / max(float(np.quantile(linear[_ROWS // 4 : -_ROWS // 4], _QUANTILE)), 1e-6)
-        )
+        bright = float(np.quantile(linear[_ROWS // 4 : -_ROWS // 4], _QUANTILE))
+        linear = linear * np.float32(_BRIGHT / max(bright, 1e-6))
     linear, start = np.clip(linear, 0, 1), rng.uniform(0, 360)
     for number in range(_VIEWS):
-        size = _SIZES[rng.integers(len(_SIZES))]
-        camera = Pinhole(
-            *size, rng.uniform(*_FIELDS), azimuth=start + number * 360 / _VIEWS, elevation=rng.uniform(*_ELEVATIONS)
-        )
+        size, azimuth = _SIZES[rng.integers(len(_SIZES))], start + number * 360 / _VIEWS
+        camera = Pinhole(*size, rng.uniform(*_FIELDS), azimuth, rng.uniform(*_ELEVATIONS))
         yield photo_from_array(tone_map(sample_latlong(linear, camera_directions(camera))))
 
 

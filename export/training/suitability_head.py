@@ -9,11 +9,14 @@ photos of held-out training places.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import onnx
 import torch
 from numpy.typing import NDArray
+from onnx import helper, numpy_helper
 from PIL import Image, ImageDraw
 from torch import Tensor, nn
 
@@ -21,12 +24,14 @@ from export.crops.augmentation import JPEG_SHARE, augment, recompress
 from export.crops.crops import crop_panorama, crop_rng, load_source, training_camera
 from export.crops.photos import crop_photo, load_photos, photo_weights, read_photo_rows
 from export.data.labels import Label
-from export.data.panoramas import Panorama, read_index, read_table
-from export.networks.suitability_file import SuitabilityFile
+from export.data.panoramas import DataError, Panorama, read_index, read_table
+from export.networks.onnx_graph import save_graph
+from export.networks.outdoor_transformer import TOKENS
 from export.training.dataset import split_places
 from lighting.color import tone_map
 from lighting.geometry import Floats
-from lighting.model import fit_size, resize_to_input
+from lighting.model import Model, fit_size, pad_to_input, resize_to_input
+from lighting.onnx_session import create_session, import_onnxruntime, weights_path
 from lighting.photo.reader import read_photo
 from lighting.prediction import ModelSpec
 
@@ -81,7 +86,9 @@ def _synthesize(kind: str, crop: Picture, panorama: NDArray[Any], rng: np.random
         case "upside down":
             return np.ascontiguousarray(crop[::-1, ::-1])
         case "whole panorama":
-            return _shrink_panorama(panorama, rng, spec)
+            picture = panorama if panorama.dtype == np.uint8 else tone_map(panorama * rng.uniform(0.5, 1.0))
+            rolled = np.roll(picture, int(rng.integers(picture.shape[1])), axis=1)
+            return np.asarray(Image.fromarray(rolled).resize(fit_size(2, 1, spec), Image.Resampling.HAMMING))
         case "night":
             dark = (crop / 255.0) ** 2.2 * rng.uniform(0.003, 0.03) * np.exp(rng.normal(0, 0.3, 3))
             noisy = np.maximum(dark + rng.normal(0, 0.01, crop.shape), 0.0)
@@ -95,12 +102,6 @@ def _synthesize(kind: str, crop: Picture, panorama: NDArray[Any], rng: np.random
         case _:
             color = rng.uniform(0, 255, 3)
             return np.clip(color + rng.normal(0, rng.uniform(0, 8), crop.shape), 0, 255).astype(np.uint8)
-
-
-def _shrink_panorama(panorama: NDArray[Any], rng: np.random.Generator, spec: ModelSpec) -> Picture:
-    picture = panorama if panorama.dtype == np.uint8 else tone_map(panorama * rng.uniform(0.5, 1.0))
-    rolled = np.roll(picture, int(rng.integers(picture.shape[1])), axis=1)
-    return np.asarray(Image.fromarray(rolled).resize(fit_size(2, 1, spec), Image.Resampling.HAMMING))
 
 
 def _draw_chart(shape: tuple[int, ...], rng: np.random.Generator) -> Picture:
@@ -134,6 +135,101 @@ def _made_pictures(crops: Iterable[tuple[Picture, NDArray[Any]]], spec: ModelSpe
     for number, (crop, panorama) in enumerate(crops):
         kind = SYNTHETIC_KINDS[number % len(SYNTHETIC_KINDS)]
         yield kind, _synthesize(kind, crop, panorama, rng, spec)
+
+
+# The head in a finished file: what it sees, and new weights for it. Of a transformer it sees class tokens and means,
+# which tell what is in the picture, and not the layout of what other heads see. Of other networks it sees the pooled
+# features. All else that the file computes stays as it is, to the bit.
+
+_WEIGHT, _REDUCE = "suitable.weight", "reduce.weight"  # of each network that answers
+
+
+class SuitabilityFile:
+    """A finished file with a head for `suitable`.
+
+    Attributes:
+        spec: of its networks.
+    """
+
+    def __init__(self, file: Path) -> None:
+        """Read the file.
+
+        Args:
+            file: of `write_onnx`; its weights lie beside it.
+
+        Raises:
+            DataError: its networks have no such head.
+            ModelError: it is missing or damaged, or no network.
+        """
+        self.spec = Model.load(file, threads=1).spec
+        self._model = onnx.load(str(file))
+        products = {node.input[1]: node for node in self._model.graph.node if node.op_type == "Gemm"}
+        self._heads = [node for name, node in products.items() if name.endswith(_WEIGHT)]
+        if not self._heads:
+            raise DataError(f"{file} cannot say whether a photo suits: its networks have not learnt --surroundings.")
+        shared = [products.get(node.input[1].replace(_WEIGHT, _REDUCE), node) for node in self._heads]
+        self._sources = [node.input[0] for node in shared]
+        self._session = _open_session(self._model, self._sources)
+
+    def features(self, pictures: Iterable[NDArray[np.uint8]]) -> Tensor:
+        """What the heads see (N, F) of pictures (h, w, 3), as the file computes it for each alone.
+
+        Args:
+            pictures: no larger than the canvas.
+        """
+        canvases = (pad_to_input(np.ascontiguousarray(picture), self.spec)[None] for picture in pictures)
+        rows = [np.concatenate([seen[:, :TOKENS] for seen in self._run(canvas)], axis=1) for canvas in canvases]
+        return torch.from_numpy(np.concatenate(rows))
+
+    def _run(self, canvas: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        options = import_onnxruntime().RunOptions()
+        options.only_execute_path_to_fetches = True
+        seen: list[NDArray[np.float32]] = self._session.run(self._sources, {"photo": canvas}, options)
+        return seen
+
+    def write(self, out: Path, weight: Tensor, bias: float, version: str | None = None) -> None:
+        """Write the file with another head; the mean of its networks' logits is the head's.
+
+        Args:
+            out: ONNX file to write; its weights lie beside it.
+            weight: (F,) of the features.
+            bias: of the logit that a photo suits.
+            version: of the network; None keeps it.
+        """
+        model = onnx.ModelProto()
+        model.CopyFrom(self._model)
+        nodes = {node.output[0]: node for node in model.graph.node}
+        tensors = {tensor.name: tensor for tensor in model.graph.initializer}
+        seen = self._run(np.zeros((1, 3, self.spec.height, self.spec.width), np.float32))
+        parts = weight.chunk(len(self._heads))
+        for head, source, values_seen, part in zip(self._heads, self._sources, seen, parts, strict=True):
+            nodes[head.output[0]].input[0] = source
+            _, name, name_of_bias = head.input
+            padded = np.zeros((1, values_seen.shape[1]))
+            padded[:, : len(part)] = len(parts) * part.numpy()
+            for key, values in ((name, padded), (name_of_bias, np.array([bias]))):
+                tensors[key].CopyFrom(numpy_helper.from_array(values.astype(np.float32), key))
+        spec = replace(self.spec, version=version or self.spec.version)
+        for entry in model.metadata_props:
+            entry.value = {"version": spec.version, "spec": spec.to_json()}.get(entry.key, entry.value)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=out.parent) as folder:
+            path = Path(folder, out.name)
+            save_graph(model, path)
+            weights_path(path).replace(weights_path(out))
+            path.replace(out)
+
+
+def _open_session(model: Any, outputs: list[str]) -> Any:
+    """A session of a model that also returns these values."""
+    more = onnx.ModelProto()
+    more.CopyFrom(model)
+    kind, shape = onnx.TensorProto.FLOAT, ("n", "features")
+    more.graph.output.extend(helper.make_tensor_value_info(name, kind, shape) for name in outputs)
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "features.onnx")
+        save_graph(more, path)
+        return create_session(path, threads=1)
 
 
 # The head.
@@ -203,7 +299,11 @@ def fit_suitability_head(file: Path, data: Path, more: Sequence[Path], out: Path
     head = _fit(good, wrong, share, other)
     network.write(out, head.weight, head.bias, version)
     caught = _describe_kinds(_caught(good, other, wrong, share, fold), kinds)
-    return "\n".join(filter(None, [caught, _describe_photos(head, network, data)]))
+    if not (table := data / _PHOTOS_TABLE).exists():  # of which nothing learnt
+        return caught
+    pictures = [resize_to_input(read_photo(data / row["file"]), spec) for row in read_table(table, ("file",))]
+    doubted = 100 * float((head.logits(network.features(pictures)) < 0).float().mean())
+    return f"{caught}\nOf {len(pictures)} photos {doubted:.1f} % are doubted."
 
 
 def _one_a_place(panoramas: Sequence[Panorama]) -> list[Panorama]:
@@ -217,16 +317,6 @@ def _photo_crops(data: Path, spec: ModelSpec) -> list[Picture]:
     rng = np.random.default_rng(1)
     drawn: list[int] = rng.choice(len(photos), _PHOTOS, p=photo_weights(photos)).tolist() if photos else []
     return [augment(crop_photo(photos[i], rng, spec), rng)[0] for i in drawn]
-
-
-def _describe_photos(head: _Head, network: SuitabilityFile, data: Path) -> str:
-    """What the head predicts of the photos of `photos.csv`, which nothing learnt from."""
-    table = data / _PHOTOS_TABLE
-    if not table.exists():
-        return ""
-    photos = [resize_to_input(read_photo(data / row["file"]), network.spec) for row in read_table(table, ("file",))]
-    share = 100 * float((head.logits(network.features(photos)) < 0).float().mean())
-    return f"Of {len(photos)} photos {share:.1f} % are doubted."
 
 
 def _panorama_crops(

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from export.data.labels import Label, check_labels, label_folder, label_panorama, read_labels, write_labels
-from export.data.panoramas import DataError, Panorama, read_index, write_index
+from export.data.panoramas import DataError, Panorama, read_index
 from export.data.rendered_panoramas import render_folder
+from tests.helpers.panoramas import ROW, write_index
 
 
 def test_a_given_sun_wins_over_the_found_one(tmp_path: Path) -> None:
@@ -90,16 +91,11 @@ def test_rendered_skies_are_labelled_well(data: Path) -> None:
 
 
 def test_agreement_counts_suns_and_overcast_skies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "x.png").touch()
-
-    def panorama(name: str, sun: str) -> Panorama:
-        return Panorama(name, (tmp_path / "x.png").resolve(), "ldr", "here", "train", sun)
-
     missed = dataclasses.replace(LABEL, name="b", found_azimuth=math.nan, found_elevation=math.nan)
     wrong = dataclasses.replace(LABEL, name="c", found_azimuth=170.0)
     none = dataclasses.replace(missed, name="d", sun_source="none", sun_azimuth=math.nan)
-    suns = [panorama("a", "visible"), panorama("b", "visible"), panorama("c", "visible"), panorama("d", "none")]
-    write_index(suns, tmp_path)
+    suns = {"a": "visible", "b": "visible", "c": "visible", "d": "none"}
+    write_index(tmp_path, *(ROW | {"name": name, "sun": sun} for name, sun in suns.items()))
     write_labels([LABEL, missed, wrong, none], tmp_path / "labels.csv")
     monkeypatch.setattr("export.data.labels._check_rendered", lambda: "not here")
     said, _ = check_labels(tmp_path, tmp_path / "labels.csv")

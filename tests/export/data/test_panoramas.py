@@ -1,5 +1,6 @@
 """Tests of panoramas."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from export.data.panoramas import (
     read_table,
     write_table,
 )
-from export.data.rendered_panoramas import _blocked, _Things, render_folder, render_panorama
+from export.data.rendered_panoramas import _blocked, _hit_ball, _hit_box, render_folder, render_panorama
 from lighting.color import luminance
 from lighting.geometry import direction, latlong_directions, latlong_pixel
 from lighting.records import GROUND_ALBEDO
@@ -299,10 +300,10 @@ def test_a_file_that_is_missing_or_in_the_way_is_named_once(tmp_path: Path) -> N
 
 
 def test_a_box_and_a_ball_cast_shadows_away_from_the_sun() -> None:
-    box = np.array([[4.0, 0.0, -1.0]]), np.array([[6.0, 10.0, 1.0]]), np.full((1, 3), 0.5)
-    ball = np.array([[0.0, 3.0, 20.0]]), np.array([2.0]), np.full((1, 3), 0.5)
+    box = partial(_hit_box, low=np.array([4.0, 0.0, -1.0]), high=np.array([6.0, 10.0, 1.0]))
+    ball = partial(_hit_ball, center=np.array([0.0, 3.0, 20.0]), radius=2.0)
     points = np.array([[0.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 0.0, 5.0], [-3.0, 1.3, 20.0], [3.0, 1.3, 20.0]])
-    hidden = _blocked(points, direction(90.0, 30.0), _Things(*box, *ball))
+    hidden = _blocked(points, direction(90.0, 30.0), [(box, np.full(3, 0.5)), (ball, np.full(3, 0.5))])
     assert hidden.tolist() == [True, False, False, True, False]
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 from export.crops.crops import Camera, Source
 from export.data.labels import Label
 from export.data.panoramas import Panorama
-from export.evaluation.diagnostics import RELIABILITY_FILE, ScoredCrops, diagnostic_sections
+from export.evaluation.evaluate import RELIABILITY_FILE, ScoredCrops, diagnostic_sections
 from export.evaluation.failures import (
     CAUSES,
     MAX_EACH,

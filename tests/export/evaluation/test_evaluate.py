@@ -31,8 +31,7 @@ def test_evaluation_reports_every_method_and_group(
     options = Options(
         data, data / "labels.csv", (trained_network,), tmp_path, with_metadata=True, failures=True, relight=True
     )
-    evaluation = evaluate_networks(options)
-    report = evaluation.report
+    report = evaluate_networks(options)
     for part in ("`paper`", "`phone`", "| zenith |", "| random azimuth |", "| constant direction |"):
         assert part in report
     for part in ("## Metadata, protocol `phone`", "| pixels + time+place |", "| 8, headings unknown |", "| half A |"):

@@ -175,7 +175,7 @@ def test_a_place_of_many_panoramas_counts_as_one_of_few() -> None:
         camera=truth.camera,
     )
     truth.visibility[:] = np.where(small, 0.0, 1.0)
-    _, table = format_report("paper", truth, {"ours": said}, {"ours": said}, "ours").split("Each place counted alike")
+    _, table = format_report("paper", truth, {"ours": said}, {"ours": said}).split("Each place counted alike")
     header, _, row = (line.split(" | ") for line in table.splitlines()[2:5])
     figures = dict(zip(header, row, strict=True))
     assert figures["places"] == "2"

@@ -103,7 +103,7 @@ def test_each_crop_is_in_one_bin_of_elevation_and_one_of_view() -> None:
 def test_intervals_compare_ours_with_each_other_method() -> None:
     truth = truth_of(4)
     said = {name: answers_from_sun(turned(by), camera=truth.camera) for name, by in (("ours", 10.0), ("worse", 40.0))}
-    ours, worse = format_report("paper", truth, said, said, "ours").split("bootstrap over")[1].splitlines()[4:6]
+    ours, worse = format_report("paper", truth, said, said).split("bootstrap over")[1].splitlines()[4:6]
     assert ours.split(" | ")[3] == ""
     low, high = (float(end) for end in worse.split(" | ")[3].split(" to "))
     assert low <= high < 0  # ours has the smaller error
@@ -114,7 +114,7 @@ def test_a_protocol_counts_its_crops_and_names_every_method() -> None:
     camera = {"camera": truth.camera, "exposure": truth.exposure}
     said = {"ours": answers_from_sun(turned(10.0), **camera), "other": answers_from_sun(turned(40.0))}
     alone = {"ours": said["ours"]}
-    text = format_report("paper", truth, said, alone, "ours")
+    text = format_report("paper", truth, said, alone)
     assert "## Protocol `paper`: 32 crops, 32 with a sun to score (4 panoramas of 2 places)" in text
     assert sum(line.startswith("| other |") for line in text.splitlines()) == 3  # it says nothing of the camera
     assert sum(line.startswith("| ours |") for line in text.splitlines()) > 4

@@ -28,7 +28,7 @@ from export.networks.onnx_graph import (
     save_graph,
     store_small,
 )
-from export.networks.outdoor import build_network, network_specs, reduce_light_heads
+from export.networks.outdoor import Outdoor, network_specs, reduce_light_heads
 from export.networks.vision_transformer import WHEEL
 from export.networks.weights import read_network, read_record, read_spec, write_run
 from lighting.errors import LightingError
@@ -246,7 +246,7 @@ def test_two_runs_answer_together_in_one_file(trained: Path, tmp_path: Path) -> 
     run, alone, together = (tmp_path / name for name in ("run", "one.onnx", "two.onnx"))
     torch.manual_seed(6)
     spec = replace(SPECS["outdoor"], width=96, height=64)  # a small graph of few weights
-    write_run(run, {**read_record(trained), "spec": asdict(spec)}, build_network(spec).state_dict())
+    write_run(run, {**read_record(trained), "spec": asdict(spec)}, Outdoor(spec).state_dict())
     write_onnx([run], alone, temperature=1.3)
     write_onnx([run, run], together, temperature=1.3, version="2.0.0")
     one, two = Model.load(alone), Model.load(together)
@@ -302,7 +302,7 @@ def test_weights_are_halves_where_bytes_change_the_answers(
 
 def test_outputs_fit_the_grid_and_the_parameters() -> None:
     spec = SPECS["outdoor"]
-    ensemble = NetworkEnsemble([build_network(spec)], spec.sun_grid).eval()
+    ensemble = NetworkEnsemble([Outdoor(spec)], spec.sun_grid).eval()
     with torch.inference_mode():
         probability, parameters = ensemble(torch.zeros(2, 3, spec.height, spec.width))
     assert probability.shape == (2, len(grid_directions(spec.sun_grid)))
@@ -313,8 +313,8 @@ def test_outputs_fit_the_grid_and_the_parameters() -> None:
 
 
 def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
-    network = build_network(SPECS["outdoor"], has_surroundings=True).eval()
-    ensemble = NetworkEnsemble([network, build_network(SPECS["outdoor"]).eval()], GRID)
+    network = Outdoor(SPECS["outdoor"], has_surroundings=True).eval()
+    ensemble = NetworkEnsemble([network, Outdoor(SPECS["outdoor"]).eval()], GRID)
     with torch.inference_mode():
         _, _, light, around = ensemble(torch.randn(2, 3, 224, 224))
     assert ensemble.outputs == ["sun_probability", "parameters", "light", "around"]
@@ -327,7 +327,7 @@ def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
 
 def test_networks_for_the_sun_tell_the_powers_of_light_too_but_no_share() -> None:
     torch.manual_seed(4)
-    first, second = (build_network(SPECS["outdoor"], has_surroundings=True).eval() for _ in range(2))
+    first, second = (Outdoor(SPECS["outdoor"], has_surroundings=True).eval() for _ in range(2))
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         alone = [NetworkEnsemble([network], GRID)(photo) for network in (first, second)]
@@ -341,7 +341,7 @@ def test_networks_for_the_sun_tell_the_powers_of_light_too_but_no_share() -> Non
 
 def test_heads_of_the_light_are_reduced_to_the_nearest_product() -> None:
     torch.manual_seed(6)
-    network: Any = build_network(SPECS["outdoor"], has_surroundings=True).eval()
+    network: Any = Outdoor(SPECS["outdoor"], has_surroundings=True).eval()
     for head in (network.around, network.light):
         head[1].weight.data = torch.randn(384, 20) @ torch.randn(20, head[1].in_features) / 1000
     photo = torch.randn(2, 3, 224, 224)
@@ -357,7 +357,7 @@ def test_heads_of_the_light_are_reduced_to_the_nearest_product() -> None:
 
 
 def test_temperature_widens_the_distribution() -> None:
-    network = build_network(SPECS["outdoor"], has_sun_in_view=False).eval()
+    network = Outdoor(SPECS["outdoor"], has_sun_in_view=False).eval()
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
         sharp, soft = NetworkEnsemble([network], GRID, 0.5)(photo)[0], NetworkEnsemble([network], GRID, 2.0)(photo)[0]
@@ -367,7 +367,7 @@ def test_temperature_widens_the_distribution() -> None:
 
 def test_networks_together_answer_their_mean() -> None:
     torch.manual_seed(3)
-    networks = [build_network(SPECS["outdoor"]).eval() for _ in range(2)]
+    networks = [Outdoor(SPECS["outdoor"]).eval() for _ in range(2)]
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         alone = [NetworkEnsemble([network], GRID, 1.4)(photo) for network in networks]
@@ -379,7 +379,7 @@ def test_networks_together_answer_their_mean() -> None:
 
 def test_a_network_for_the_sun_says_nothing_else() -> None:
     torch.manual_seed(5)
-    first, second = (build_network(SPECS["outdoor"], has_sun_in_view=False).eval() for _ in range(2))
+    first, second = (Outdoor(SPECS["outdoor"], has_sun_in_view=False).eval() for _ in range(2))
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         alone = [NetworkEnsemble([network], GRID)(photo) for network in (first, second)]
@@ -412,7 +412,7 @@ def test_a_transformer_gives_the_same_bits_in_every_session(tmp_path: Path, monk
 
 def test_a_network_for_the_camera_answers_for_it_instead_of_the_others() -> None:
     torch.manual_seed(4)
-    first, camera = (build_network(SPECS["outdoor"], has_sun_in_view=False).eval() for _ in range(2))
+    first, camera = (Outdoor(SPECS["outdoor"], has_sun_in_view=False).eval() for _ in range(2))
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         sun, parameters = NetworkEnsemble([first], GRID, cameras=[camera])(photo)

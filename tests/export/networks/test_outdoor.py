@@ -20,7 +20,6 @@ from export.networks.outdoor import (
     LIGHT,
     ROLL_SCALE,
     Outdoor,
-    build_network,
     camera_bin_targets,
     decode_parameters,
     encode_parameters,
@@ -62,9 +61,9 @@ SPECS = network_specs("0")
 
 
 def test_weights_with_the_light_around_fit_a_network_without_it_and_the_other_way_round() -> None:
-    learnt, served = build_network(SPECS["outdoor"], has_surroundings=True), build_network(SPECS["outdoor"])
+    learnt, served = Outdoor(SPECS["outdoor"], has_surroundings=True), Outdoor(SPECS["outdoor"])
     load_weights(served, learnt.state_dict())
-    again = build_network(SPECS["outdoor"], has_surroundings=True)
+    again = Outdoor(SPECS["outdoor"], has_surroundings=True)
     load_weights(again, served.state_dict())
     for name, value in served.state_dict().items():
         torch.testing.assert_close(value, learnt.state_dict()[name])
@@ -77,7 +76,7 @@ SPEC = network_specs("0")["outdoor"]
 
 
 def test_networks_without_it_do_not_say_where_and_can_learn_it() -> None:
-    mute, seeing = build_network(SPEC, has_sun_in_view=False).eval(), build_network(SPEC).eval()
+    mute, seeing = Outdoor(SPEC, has_sun_in_view=False).eval(), Outdoor(SPEC).eval()
     photo = torch.randn(2, 3, SPEC.height, SPEC.width)
     with torch.inference_mode():
         assert mute(photo)[2].shape == (2, 0)
@@ -89,7 +88,7 @@ def test_networks_without_it_do_not_say_where_and_can_learn_it() -> None:
 
 
 def test_every_head_has_its_size() -> None:
-    network = Outdoor(SPEC, 1024, has_sun_in_view=True, has_surroundings=True).eval()
+    network = Outdoor(SPEC, has_sun_in_view=True, has_surroundings=True).eval()
     with torch.inference_mode():
         predicted = network(torch.zeros(2, 3, SPEC.height, SPEC.width))
     cells = (SPEC.height // CELL) * (SPEC.width // CELL)
@@ -105,14 +104,14 @@ def test_every_head_has_its_size() -> None:
 
 def test_a_new_network_sees_no_sun() -> None:
     """Its bias says so: most pictures show none."""
-    network = Outdoor(SPEC, 1024).eval()
+    network = Outdoor(SPEC).eval()
     with torch.inference_mode():
         in_view = network(torch.zeros(1, 3, SPEC.height, SPEC.width)).sun_in_view.softmax(dim=1)
     assert float(in_view[0, 0]) > 0.5
 
 
 def test_heads_that_are_not_asked_for_are_not_there() -> None:
-    names = Outdoor(SPEC, 1024, has_sun_in_view=False, has_camera_bins=False).state_dict()
+    names = Outdoor(SPEC, has_sun_in_view=False, has_camera_bins=False).state_dict()
     assert not any(name.startswith(("seen.", "around.", "camera.", "light.", "suitable.")) for name in names)
 
 
@@ -213,7 +212,7 @@ def test_the_packaged_network_expects_what_training_gives() -> None:
 def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:
     """The weights land in the right layers: the last features neither die nor explode, and differ between pictures."""
     torch.manual_seed(0)
-    network = build_network(SPECS["outdoor"], pretrained=True).eval()
+    network = Outdoor(SPECS["outdoor"], pretrained=True).eval()
     assert isinstance(network, Outdoor)
     smooth = torch.linspace(-1, 1, 224).expand(1, 3, 224, 224)
     with torch.inference_mode():
@@ -223,7 +222,7 @@ def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:
 
 
 def test_frozen_layers_do_not_learn() -> None:
-    network = build_network(SPECS["outdoor"], has_surroundings=True).train()
+    network = Outdoor(SPECS["outdoor"], has_surroundings=True).train()
     assert isinstance(network, Outdoor)
     frozen = [p for p in network.backbone.parameters() if not p.requires_grad]
     before = [p.clone() for p in network.backbone.stem.parameters()]

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from export.data.panoramas import DataError
-from export.networks.outdoor import build_network, network_specs
+from export.networks.outdoor import Outdoor, network_specs
 from export.networks.segmentation import SegmentationBranch, SegmentationHead
 from export.networks.weights import write_run
 
@@ -26,8 +26,8 @@ def test_only_a_run_of_segments_is_read(tmp_path: Path) -> None:
 
 def test_a_network_that_begins_otherwise_gets_no_branch() -> None:
     with pytest.raises(DataError, match="does not begin with ImageNet's weights"):
-        SegmentationBranch.check_beginning(build_network(SPECS["outdoor"]), 64, 64)
+        SegmentationBranch.check_beginning(Outdoor(SPECS["outdoor"]), 64, 64)
 
 
 def test_a_network_with_the_pretrained_beginning_may_have_it() -> None:
-    SegmentationBranch.check_beginning(build_network(SPECS["outdoor"], pretrained=True), 64, 64)
+    SegmentationBranch.check_beginning(Outdoor(SPECS["outdoor"], pretrained=True), 64, 64)

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from export.data.panoramas import DataError
-from export.networks.outdoor import build_network, load_weights, network_specs
+from export.networks.outdoor import Outdoor, load_weights, network_specs
 from export.networks.weights import (
     CHECKPOINT,
     RUN_RECORD,
@@ -24,14 +24,14 @@ from export.networks.weights import (
 
 def test_averaged_weights_have_the_network_s_own_names(trained: Path) -> None:
     weights = averaged_weights(trained)
-    network = build_network(read_spec(trained))
+    network = Outdoor(read_spec(trained))
     assert set(weights) == set(network.state_dict())
     state = torch.load(trained / CHECKPOINT, weights_only=True)
     assert {"network", "average", "optimizer", "step"} <= set(state)
 
 
 def test_the_network_that_is_read_is_ready_to_answer(trained: Path) -> None:
-    network, expected = read_network(trained), build_network(read_spec(trained))
+    network, expected = read_network(trained), Outdoor(read_spec(trained))
     load_weights(expected, averaged_weights(trained))
     assert not network.training
     photo = torch.randn(1, 3, 224, 224)

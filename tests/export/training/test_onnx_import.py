@@ -15,7 +15,7 @@ from torch import nn
 from export.data.panoramas import DataError
 from export.networks import outdoor_transformer
 from export.networks.onnx_export import write_onnx
-from export.networks.outdoor import Outdoor, build_network, network_specs, reduce_light_heads
+from export.networks.outdoor import Outdoor, network_specs, reduce_light_heads
 from export.networks.weights import CHECKPOINT, read_network, read_record, training_history, write_run
 from export.training import onnx_import
 from export.training.dataset import TrainConfig
@@ -45,7 +45,7 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(
     """A network beside a camera's network whose first layers are the same."""
     file, run, camera = (tmp_path / name for name in ("outdoor.onnx", "run", "camera"))
     torch.manual_seed(7)
-    weights = build_network(network_specs("1.0.0")["outdoor"]).state_dict()
+    weights = Outdoor(network_specs("1.0.0")["outdoor"]).state_dict()
     for value in weights.values():
         if value.ndim == 1:  # of new layers all alike, which are stored once
             value.add_(0.05 * torch.randn_like(value))
@@ -68,7 +68,7 @@ def test_heads_of_the_light_that_a_file_has_in_two_layers_are_read_back(
     file, runs = tmp_path / "outdoor.onnx", [tmp_path / "first", tmp_path / "sun"]
     torch.manual_seed(8)
     for run in runs:
-        network = build_network(network_specs("1.0.0")["outdoor"], has_surroundings=True)
+        network: nn.Module = Outdoor(network_specs("1.0.0")["outdoor"], has_surroundings=True)
         for value in network.state_dict().values():
             if value.ndim == 1:  # of new layers all alike, which are stored once
                 value.add_(0.05 * torch.randn_like(value))

@@ -11,14 +11,13 @@ import torch
 from export.data.panoramas import DataError, Panorama
 from export.networks.onnx_export import write_onnx
 from export.networks.outdoor import Outdoor, network_specs
-from export.networks.suitability_file import SuitabilityFile
 from export.networks.weights import CHECKPOINT
-from export.training.suitability_head import _caught, _fit, _folds, _one_a_place, _weigh_kinds
+from export.training.suitability_head import SuitabilityFile, _caught, _fit, _folds, _one_a_place, _weigh_kinds
 from lighting.model import Model, packaged_model, pad_to_input
 
 
 def network_with_light() -> Outdoor:
-    return Outdoor(network_specs("0")["outdoor"], 1024, has_surroundings=True)
+    return Outdoor(network_specs("0")["outdoor"], has_surroundings=True)
 
 
 def test_good_and_bad_features_are_told_apart_at_the_stated_rate() -> None:
