@@ -142,28 +142,6 @@ def sky_shape(model: str, direction: "ArrayLike", sun_direction: "ArrayLike", we
     return np.repeat(radiance[..., None], 3, axis=-1)
 
 
-def sky_angles(direction: "ArrayLike", sun_direction: "ArrayLike", model: str) -> tuple["Floats", "Floats", float]:
-    """The sines (...) of directions above the horizon, their angles from the sun (...), and the sun's from the zenith.
-
-    Angles are in rad.
-
-    Args:
-        direction: (..., 3) unit vectors.
-        sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
-        model: named in the error.
-    """
-    import numpy as np
-
-    from lighting.geometry import angle_between
-
-    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
-    sun_zenith = float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
-    if not sun_zenith <= np.pi / 2 + 1e-6:
-        sentence = f"The sun is below the horizon; the {model} needs it above."
-        raise ParameterError(sentence, "sun_direction", ErrorCode.NIGHT)
-    return d[..., 1], np.radians(angle_between(d, sun)), sun_zenith
-
-
 def format_sky_models(last: str = ", ") -> str:
     """The names as a list for people: the advanced ones as a range.
 

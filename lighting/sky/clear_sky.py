@@ -63,18 +63,22 @@ def sky_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: floa
         turbidity: 1 to 10.
         albedo: of the ground, 0 to 1.
     """
-    d = np.asarray(direction)
-    d = d if d.dtype == np.float32 else d.astype(np.float64)
-    sun = np.asarray(sun_direction, dtype=np.float64)
-    coefficients, radiance = sky_parameters(_sun_elevation(sun), turbidity, albedo)
-    unit_sun = (sun / np.linalg.norm(sun)).astype(d.dtype)
-    up, chord = d[..., 1], np.sum((d - unit_sun) ** 2, axis=-1)
-    result = np.empty_like(d)
+    d, chord, elevation = _chord_from_sun(direction, sun_direction)
+    coefficients, radiance = sky_parameters(elevation, turbidity, albedo)
+    result, up = np.empty_like(d), d[..., 1]
     for channel in range(3):
         gradation, offset = sky_gradation(coefficients[channel], up)
         value = gradation * (sky_lobe(coefficients[channel], chord) + offset) * d.dtype.type(radiance[channel])
         result[..., channel] = np.where(up >= 0, np.maximum(value, 0), 0)
     return result
+
+
+def _chord_from_sun(direction: ArrayLike, sun_direction: ArrayLike) -> tuple[Floats, Floats, float]:
+    """Unit vectors (..., 3) as floats, their squared distances (...) from the sun's, and its elevation [deg]."""
+    d, sun = np.asarray(direction), np.asarray(sun_direction, dtype=np.float64)
+    d = d if d.dtype == np.float32 else d.astype(np.float64)
+    unit_sun = (sun / np.linalg.norm(sun)).astype(d.dtype)
+    return d, np.sum((d - unit_sun) ** 2, axis=-1), float(angles(sun)[1])
 
 
 @lru_cache(maxsize=8)  # of a photo's sky, that several maps show
@@ -93,10 +97,9 @@ def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tup
         turbidity: 1 to 10.
         albedo: of the ground, 0 to 1.
     """
-    elevation = _check_range("sun elevation", sun_elevation)
-    weight = _bezier_weights((elevation / 90.0) ** (1 / 3))
-    share = _check_range("albedo", albedo)
-    table = _load_tables()
+    x = (_check_range("sun elevation", sun_elevation) / 90.0) ** (1 / 3)
+    share, power, table = _check_range("albedo", albedo), np.arange(6), _load_tables()
+    weight = _BINOMIAL * x**power * (1 - x) ** (5 - power)  # of the control points of a quintic Bezier curve
 
     def mix(name: str) -> Floats:
         dark, bright = _interpolate_turbidity(table[name], turbidity)
@@ -165,7 +168,7 @@ def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
     d = np.asarray(direction, dtype=np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
     if not sun[1] >= 0:
-        _sun_elevation(sun)  # refuses a sun below the horizon
+        _check_range("sun elevation", float(angles(sun)[1]))  # refuses a sun below the horizon
     half = np.sum((d - sun / np.linalg.norm(sun)) ** 2, axis=-1) / 4  # sin^2 of half the angle from the centre
     limb = 1 - 4 * half * (1 - half) / np.sin(np.radians(SUN_RADIUS)) ** 2
     inside = (half < 0.5) & (limb >= 0) & (d[..., 1] >= 0)
@@ -243,16 +246,6 @@ def _interpolate_turbidity(table: Floats, turbidity: float) -> Floats:
     return np.asarray(table[low] * (1 - share) + table[low + 1] * share)
 
 
-def _bezier_weights(x: float) -> Floats:
-    """Weights (6,) of the control points of a quintic Bezier curve at x in [0, 1]."""
-    power = np.arange(6)
-    return np.asarray(_BINOMIAL * x**power * (1 - x) ** (5 - power))
-
-
-def _sun_elevation(sun_direction: Floats) -> float:
-    return _check_range("sun elevation", float(angles(sun_direction)[1]))
-
-
 def _check_range(name: str, value: float) -> float:
     low, high = _RANGES[name]
     if not low - _ROUNDING <= value <= high + _ROUNDING:
@@ -272,15 +265,15 @@ def prague_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: f
         sun_direction: (3,) vector, not lower than 4.2 deg below the horizon, else ParameterError.
         turbidity: 1 to 10, by `_visibility_from_turbidity`.
     """
-    d = np.asarray(direction)
-    d = d if d.dtype == np.float32 else d.astype(np.float64)
-    sun = np.asarray(sun_direction, dtype=np.float64)
-    elevation = _checked_elevation(float(angles(sun)[1]))
-    unit_sun = (sun / np.linalg.norm(sun)).astype(d.dtype)
-    chord = np.sqrt(np.sum((d - unit_sun) ** 2, axis=-1))
-    sun_angle = np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1)))
+    d, chord2, elevation = _chord_from_sun(direction, sun_direction)
+    sun_angle = np.degrees(2 * np.arcsin(np.minimum(np.sqrt(chord2) / 2, 1)))
     zenith_angle = np.degrees(np.arccos(np.clip(d[..., 1], 0, 1)))
-    radiance = _interpolate(_radiance_table(elevation, turbidity), sun_angle, zenith_angle)
+    (across, share), (down, part) = _cell(SUN_ANGLES, sun_angle), _cell(ZENITH_ANGLES, zenith_angle)
+    table, width = _radiance_table(elevation, turbidity).reshape(-1, 3), len(ZENITH_ANGLES)
+    corner = across * width + down
+    near = table[corner] * (1 - part) + table[corner + 1] * part
+    far = table[corner + width] * (1 - part) + table[corner + width + 1] * part
+    radiance = near * (1 - share) + far * share
     radiance[d[..., 1] < 0] = 0
     return np.asarray(radiance, dtype=d.dtype)
 
@@ -294,7 +287,7 @@ def prague_by_angles(zenith_angle: Floats, sun_angle: Floats, sun_elevation: flo
         sun_elevation: deg, -4.2 to 90, else ParameterError.
         turbidity: 1 to 10, by `_visibility_from_turbidity`.
     """
-    table = _radiance_table(_checked_elevation(sun_elevation), turbidity)
+    table = _radiance_table(sun_elevation, turbidity)
     down, part = _cell(ZENITH_ANGLES, zenith_angle)
     rows = table[:, down] * (1 - part) + table[:, down + 1] * part
     across, share = _cell(SUN_ANGLES, sun_angle)
@@ -315,24 +308,6 @@ def _visibility_from_turbidity(turbidity: float) -> float:
     return float(VISIBILITIES[-1] * (VISIBILITIES[0] / VISIBILITIES[-1]) ** share)
 
 
-def _checked_elevation(elevation: float) -> float:
-    if elevation < MIN_SUN_ELEVATION - _ELEVATION_ROUNDING:
-        sentence = f"The sun is {-elevation:.1f} deg below the horizon; the Prague sky reaches down to 4.2 deg."
-        raise ParameterError(sentence, "sun_direction", ErrorCode.NIGHT)
-    return elevation
-
-
-def _interpolate(table: NDArray[np.float32], sun_angle: Floats, zenith_angle: Floats) -> Floats:
-    """Radiance (..., 3) between the nodes of a table (S, Z, 3), linear in both angles [deg] (...)."""
-    across, share = _cell(SUN_ANGLES, sun_angle)
-    down, part = _cell(ZENITH_ANGLES, zenith_angle)
-    flat, width = table.reshape(-1, 3), len(ZENITH_ANGLES)
-    corner = across * width + down
-    near = flat[corner] * (1 - part) + flat[corner + 1] * part
-    far = flat[corner + width] * (1 - part) + flat[corner + width + 1] * part
-    return np.asarray(near * (1 - share) + far * share)
-
-
 def _cell(nodes: Floats, angle: Floats) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """The node (...) below each angle, and how far (..., 1) it lies towards the next."""
     position = np.interp(angle, nodes, np.arange(len(nodes)))
@@ -342,7 +317,13 @@ def _cell(nodes: Floats, angle: Floats) -> tuple[NDArray[np.intp], NDArray[np.fl
 
 @lru_cache(maxsize=4)  # a photo's sky is compared before it is painted
 def _radiance_table(elevation: float, turbidity: float) -> NDArray[np.float32]:
-    """Radiance (S, Z, 3) at the nodes under one sun [deg]: linear between the skies of the table, as in [3]."""
+    """Radiance (S, Z, 3) at the nodes under one sun [deg]: linear between the skies of the table, as in [3].
+
+    ParameterError under a sun that is too low.
+    """
+    if elevation < MIN_SUN_ELEVATION - _ELEVATION_ROUNDING:
+        sentence = f"The sun is {-elevation:.1f} deg below the horizon; the Prague sky reaches down to 4.2 deg."
+        raise ParameterError(sentence, "sun_direction", ErrorCode.NIGHT)
     skies, split = _load_skies(), len(SUN_ANGLES)
     radiance = np.zeros((split, len(ZENITH_ANGLES), 3), dtype=np.float32)
     for v, by_visibility in _neighbours(VISIBILITIES, _visibility_from_turbidity(turbidity)):

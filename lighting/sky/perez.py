@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, angles
-from lighting.sky import Weather, sky_angles
+from lighting.sky import Weather
 
 _CLEARNESS_BINS = (1.0, 1.065, 1.230, 1.500, 1.950, 2.800, 4.500, 6.200)  # where each row of the table begins
 _BRIGHTNESS_RANGE = (0.01, 0.6)  # that the model covers
@@ -67,31 +67,82 @@ def perez_luminance(direction: ArrayLike, sun_direction: ArrayLike, clearness: f
     """
     up, sun_angle, sun_zenith = sky_angles(direction, sun_direction, "all-weather sky")
     coefficients = _perez_coefficients(clearness, brightness, sun_zenith)
-    value = _relative_luminance(coefficients, up, sun_angle)
-    zenith = _relative_luminance(coefficients, np.asarray(1.0), np.asarray(sun_zenith))
-    return np.asarray(np.where(up >= 0, np.maximum(value / zenith, 0), 0.0))
+    value = _relative_luminance(coefficients, up, sun_angle, sun_zenith)
+    return np.where(up >= 0, np.maximum(value, 0), 0.0)
+
+
+def sky_angles(direction: ArrayLike, sun_direction: ArrayLike, model: str) -> tuple[Floats, Floats, float]:
+    """The sines (...) of directions above the horizon, their angles from the sun (...), and the sun's from the zenith.
+
+    Angles are in rad.
+
+    Args:
+        direction: (..., 3) unit vectors.
+        sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
+        model: named in the error.
+    """
+    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
+    sun_zenith = float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
+    if not sun_zenith <= np.pi / 2 + 1e-6:
+        sentence = f"The sun is below the horizon; the {model} needs it above."
+        raise ParameterError(sentence, "sun_direction", ErrorCode.NIGHT)
+    return d[..., 1], np.radians(angle_between(d, sun)), sun_zenith
+
+
+def _relative_luminance(
+    coefficients: ArrayLike,
+    up: Floats,
+    sun_angle: Floats,
+    sun_zenith: float,
+    least_cosine: float = _MIN_COSINE,
+    at_right_angle: float = 0.0,
+) -> Floats:
+    """(1 + a exp(b / cos theta)) (1 + c (exp(d gamma) - g) + e cos^2 gamma) over the same of the zenith (...).
+
+    Args:
+        coefficients: a, b, c, d, e (5,).
+        up: (...) cos theta, of the angle from the zenith.
+        sun_angle: (...) rad, gamma.
+        sun_zenith: rad, the zenith's angle from the sun.
+        least_cosine: that counts as cos theta.
+        at_right_angle: g.
+    """
+    a, b, c, d, e = np.asarray(coefficients, dtype=np.float64)
+
+    def luminance(cosine: Floats | float, angle: Floats | float) -> Floats:
+        gradation = 1 + a * np.exp(b / np.maximum(cosine, least_cosine))
+        return np.asarray(gradation * (1 + c * (np.exp(d * angle) - at_right_angle) + e * np.cos(angle) ** 2))
+
+    return np.asarray(luminance(up, sun_angle) / luminance(1.0, sun_zenith))
 
 
 def perez_weather(weather: Weather, sun_direction: ArrayLike) -> tuple[float, float]:
     """The clearness and brightness that the all-weather model takes, within its range.
+
+    Brightness is the diffuse irradiance x the relative air mass by Kasten and Young [2], over that outside of the air.
 
     Args:
         weather: of which `beam` and `diffuse` count.
         sun_direction: (3,) unit vector.
     """
     zenith = np.radians(90.0 - max(float(angles(sun_direction)[1]), 0.0))
-    clearness = float(_sky_clearness(1.0, weather.beam, zenith))
-    brightness = float(np.clip(_sky_brightness(weather.diffuse, zenith), *_BRIGHTNESS_RANGE))
-    return clearness, brightness
+    cubed = 1.041 * zenith**3
+    clearness = (1.0 + weather.beam + cubed) / (1 + cubed)
+    degrees = np.degrees(zenith)
+    air_mass = 1 / (np.cos(np.radians(degrees)) + 0.50572 * (96.07995 - degrees) ** -1.6364)
+    brightness = np.clip(weather.diffuse * air_mass / _SOLAR_CONSTANT, *_BRIGHTNESS_RANGE)
+    return float(clearness), float(brightness)
 
 
 def _perez_coefficients(clearness: float, brightness: float, sun_zenith: float) -> Floats:
-    """a, b, c, d, e (5,) of luminance = (1 + a exp(b / cos theta)) (1 + c exp(d gamma) + e cos^2 gamma).
-
-    `sun_zenith` [rad] is the sun's angle from the zenith, theta the direction's and gamma its angle from the sun.
-    Raises ParameterError out of range.
-    """
-    _check_weather(clearness, brightness)
+    """a, b, c, d, e (5,) of the luminance, by the sun's angle from the zenith [rad]; ParameterError out of range."""
+    low, high = _BRIGHTNESS_RANGE
+    if not clearness >= 1:
+        sentence = f"The sky's clearness is {clearness:g}; it is 1 or more."
+        raise ParameterError(sentence, "clearness", ErrorCode.OUT_OF_RANGE)
+    if not low <= brightness <= high:
+        sentence = f"The sky's brightness is {brightness:g}; the model covers {low:g} to {high:g}."
+        raise ParameterError(sentence, "brightness", ErrorCode.OUT_OF_RANGE)
     row = int(np.searchsorted(_CLEARNESS_BINS, clearness, side="right")) - 1
     delta = max(brightness, _MIN_BROKEN_BRIGHTNESS) if 1.065 < clearness < 2.8 else brightness
     x = _TABLE[row]
@@ -101,39 +152,6 @@ def _perez_coefficients(clearness: float, brightness: float, sun_zenith: float) 
         coefficients[2] = np.exp((delta * (c[0] + c[1] * sun_zenith)) ** c[2]) - c[3]
         coefficients[3] = -np.exp(delta * (d[0] + d[1] * sun_zenith)) + d[2] + delta * d[3]
     return np.asarray(coefficients)
-
-
-def _sky_clearness(diffuse: ArrayLike, direct: ArrayLike, sun_zenith: ArrayLike) -> Floats:
-    """Clearness (...) from diffuse horizontal and direct normal irradiance (...), in one unit, and the angle [rad]."""
-    cubed = 1.041 * np.asarray(sun_zenith, dtype=np.float64) ** 3
-    diffuse = np.asarray(diffuse, dtype=np.float64)
-    return np.asarray(((diffuse + direct) / diffuse + cubed) / (1 + cubed))
-
-
-def _sky_brightness(diffuse: ArrayLike, sun_zenith: ArrayLike) -> Floats:
-    """Brightness (...): diffuse horizontal irradiance (...) [W m^-2] x relative air mass / that outside the atmosphere.
-
-    The air mass is Kasten and Young's [2].
-    """
-    zenith = np.degrees(np.asarray(sun_zenith, dtype=np.float64))
-    air_mass = 1 / (np.cos(np.radians(zenith)) + 0.50572 * (96.07995 - zenith) ** -1.6364)
-    return np.asarray(np.asarray(diffuse, dtype=np.float64) * air_mass / _SOLAR_CONSTANT)
-
-
-def _relative_luminance(coefficients: Floats, up: Floats, sun_angle: Floats) -> Floats:
-    a, b, c, d, e = coefficients
-    gradation = 1 + a * np.exp(b / np.maximum(up, _MIN_COSINE))
-    return np.asarray(gradation * (1 + c * np.exp(d * sun_angle) + e * np.cos(sun_angle) ** 2))
-
-
-def _check_weather(clearness: float, brightness: float) -> None:
-    low, high = _BRIGHTNESS_RANGE
-    if not clearness >= 1:
-        sentence = f"The sky's clearness is {clearness:g}; it is 1 or more."
-        raise ParameterError(sentence, "clearness", ErrorCode.OUT_OF_RANGE)
-    if not low <= brightness <= high:
-        sentence = f"The sky's brightness is {brightness:g}; the model covers {low:g} to {high:g}."
-        raise ParameterError(sentence, "brightness", ErrorCode.OUT_OF_RANGE)
 
 
 _GRADATION = {  # a and b of each group
@@ -180,33 +198,14 @@ def general_luminance(direction: ArrayLike, sun_direction: ArrayLike, kind: int)
         kind: type 1 to 5 overcast, 6 to 10 partly cloudy, 11 to 15 clear; else ParameterError.
     """
     up, sun_angle, sun_zenith = sky_angles(direction, sun_direction, "general sky")
-    value = _indicatrix(sun_angle, kind) * _gradation(up, kind)
-    zenith = _indicatrix(sun_zenith, kind) * _gradation(np.asarray(1.0), kind)
-    return np.asarray(np.where(up >= 0, value / zenith, 0.0))
-
-
-def _gradation(up: ArrayLike, kind: int) -> Floats:
-    """1 + a exp(b / up) (...), which depends on the cosine from the zenith (...) alone; 1 at and below the horizon."""
-    a, b = _GRADATION[_groups_of_type(kind)[0]]
-    cosine = np.maximum(np.asarray(up, dtype=np.float64), _MIN_COSINE_CIE)
-    return np.asarray(1 + a * np.exp(b / cosine))
-
-
-def _indicatrix(sun_angle: ArrayLike, kind: int) -> Floats:
-    """1 + c (exp(d x) - exp(d pi / 2)) + e cos^2 x (...), with x the angle from the sun (...) [rad].
-
-    It is 1 at a right angle to the sun.
-    """
-    c, d, e = _INDICATRIX[_groups_of_type(kind)[1]]
-    angle = np.asarray(sun_angle, dtype=np.float64)
-    return np.asarray(1 + c * (np.exp(d * angle) - np.exp(d * np.pi / 2)) + e * np.cos(angle) ** 2)
-
-
-def _groups_of_type(kind: int) -> tuple[str, int]:
     if not 1 <= kind <= len(_TYPES):
         sentence = f"The sky type is {kind}; the CIE general sky has types 1 to {len(_TYPES)}."
         raise ParameterError(sentence, "kind", ErrorCode.UNKNOWN)
-    return _TYPES[kind - 1]
+    gradation, indicatrix = _TYPES[kind - 1]
+    coefficients = (*_GRADATION[gradation], *_INDICATRIX[indicatrix])
+    at_right_angle = float(np.exp(coefficients[3] * np.pi / 2))  # the indicatrix is 1 there
+    value = _relative_luminance(coefficients, up, sun_angle, sun_zenith, _MIN_COSINE_CIE, at_right_angle)
+    return np.where(up >= 0, value, 0.0)
 
 
 TURBIDITIES = (1.7, 10.0)  # the authors fitted 2 to 6; below 1.7 the luminance of a high sun's zenith turns negative
@@ -246,47 +245,25 @@ def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
         sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
         turbidity: 1.7 to 10, else ParameterError.
     """
-    up, sun_zenith, parts = _by_zenith(direction, sun_direction, turbidity)
-    zenith = _preetham_zenith(sun_zenith, turbidity)
-    luminance, x, y = (parts[i] * zenith[i] for i in range(3))
+    up, sun_zenith, (luminance, x, y) = _by_zenith(direction, sun_direction, turbidity)
+    chi = (4 / 9 - turbidity / 120) * (np.pi - 2 * sun_zenith)
+    zenith_luminance = (4.0453 * turbidity - 4.9710) * np.tan(chi) - 0.2155 * turbidity + 2.4192
+    powers = np.array([turbidity**2, turbidity, 1.0]), np.array([sun_zenith**3, sun_zenith**2, sun_zenith, 1.0])
+    zenith_x, zenith_y = (powers[0] @ table @ powers[1] for table in _ZENITH)
+    luminance, x, y = luminance * max(zenith_luminance, 0.0), x * zenith_x, y * zenith_y
     xyz = np.stack([luminance * x / y, luminance, luminance * (1 - x - y) / y], axis=-1)
     return np.asarray(np.where(up[..., None] >= 0, np.maximum(xyz @ _TO_REC709.T, 0.0), 0.0))
 
 
-def _preetham_luminance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
-    """Luminance / zenith's (...) along unit vectors (..., 3); 0 below the horizon. Raises as `preetham_radiance`."""
-    up, _, parts = _by_zenith(direction, sun_direction, turbidity)
-    return np.where(up >= 0, np.maximum(parts[0], 0.0), 0.0)
-
-
-def _by_zenith(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> tuple[Floats, float, Floats]:
-    """Sines (...) above the horizon, the sun's zenith angle [rad], luminance, x and y (3, ...) by the zenith's."""
+def _by_zenith(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> tuple[Floats, float, list[Floats]]:
+    """Sines (...) above the horizon, the sun's zenith angle [rad], luminance, x and y (...) by the zenith's."""
     low, high = TURBIDITIES
     if not low <= turbidity <= high:
         sentence = f"The turbidity is {turbidity:g}; the sky of Preetham covers {low:g} to {high:g}."
         raise ParameterError(sentence, "turbidity", ErrorCode.OUT_OF_RANGE)
     up, sun_angle, sun_zenith = sky_angles(direction, sun_direction, "sky of Preetham")
-    return up, sun_zenith, _preetham_distribution(up, sun_angle, sun_zenith, turbidity)
-
-
-def _preetham_distribution(up: Floats, sun_angle: Floats, sun_zenith: float, turbidity: float) -> Floats:
-    """Luminance, x and y (3, ...) by the zenith's, of the cosine from the zenith and the angle from the sun [rad]."""
-    table = _DISTRIBUTION @ [turbidity, 1.0]
-
-    def part(row: Floats, cosine: Floats, angle: Floats) -> Floats:
-        a, b, c, d, e = row
-        return np.asarray((1 + a * np.exp(b / cosine)) * (1 + c * np.exp(d * angle) + e * np.cos(angle) ** 2))
-
-    cosine, zenith_cosine, zenith_angle = np.maximum(up, _MIN_COSINE), np.asarray(1.0), np.asarray(sun_zenith)
-    return np.stack([part(row, cosine, sun_angle) / part(row, zenith_cosine, zenith_angle) for row in table])
-
-
-def _preetham_zenith(sun_zenith: float, turbidity: float) -> Floats:
-    """The zenith's luminance [kcd m^-2], x and y (3,) by the sun's angle from it [rad]."""
-    chi = (4 / 9 - turbidity / 120) * (np.pi - 2 * sun_zenith)
-    luminance = (4.0453 * turbidity - 4.9710) * np.tan(chi) - 0.2155 * turbidity + 2.4192
-    powers = np.array([turbidity**2, turbidity, 1.0]), np.array([sun_zenith**3, sun_zenith**2, sun_zenith, 1.0])
-    return np.array([max(luminance, 0.0), *(powers[0] @ table @ powers[1] for table in _ZENITH)])
+    rows = _DISTRIBUTION @ [turbidity, 1.0]
+    return up, sun_zenith, [_relative_luminance(row, up, sun_angle, sun_zenith) for row in rows]
 
 
 def lalonde_matthews_sky(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
@@ -297,7 +274,8 @@ def lalonde_matthews_sky(direction: ArrayLike, sun_direction: ArrayLike, turbidi
         sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
         turbidity: values outside 1.7 to 10 count as these ends.
     """
-    return _preetham_luminance(direction, sun_direction, float(np.clip(turbidity, *TURBIDITIES)))
+    up, _, (luminance, _, _) = _by_zenith(direction, sun_direction, float(np.clip(turbidity, *TURBIDITIES)))
+    return np.where(up >= 0, np.maximum(luminance, 0.0), 0.0)
 
 
 def lalonde_matthews_sun(

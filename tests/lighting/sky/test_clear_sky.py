@@ -8,7 +8,7 @@ import pytest
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, angle_between, direction, latlong_directions
-from lighting.sky import SKY_MODELS, Weather, format_sky_models, sky_angles, sky_shape
+from lighting.sky import SKY_MODELS, Weather, format_sky_models, sky_shape
 from lighting.sky.clear_sky import (
     SUN_SOLID_ANGLE,
     prague_radiance,
@@ -19,7 +19,7 @@ from lighting.sky.clear_sky import (
     sun_disc_radiance,
     sun_radiance,
 )
-from lighting.sky.perez import perez_weather
+from lighting.sky.perez import perez_weather, sky_angles
 from tests.data.sky_reference import REFERENCE, cases, disc_directions, mitsuba_radiance, sky_directions
 
 SUN = direction(25.0, 33.0)
