@@ -91,11 +91,9 @@ def render_bare(lighting: Lighting, height: int, *, sun: bool | None = None) -> 
     """
     check_height(height, MAX_WHOLE_HEIGHT)
     check_lighting(lighting)
-    sky, shines = lighting.map_sky, lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
-    upper, lower = image[: height // 2], image[height // 2 :]
-    gain = _render_sky(upper, 0, lighting, sky, None)
-    _render_ground(lower, lighting, shines)
+    gain = _render_sky(image[: height // 2], 0, lighting, None)
+    _render_ground(image[height // 2 :], lighting, sun)
     cap_map(image, lighting)
     return image, gain
 
@@ -115,24 +113,42 @@ def render_rows(
     if _may_be_capped(lighting):
         raise _too_bright(f"a map of over {MAX_WHOLE_HEIGHT} rows")
     if first < rows.shape[1] // 4:
-        _render_sky(rows, first, lighting, lighting.map_sky, gain)
+        _render_sky(rows, first, lighting, gain)
     else:
-        _render_ground(rows, lighting, lighting.sun_painted if sun is None else sun)
+        _render_ground(rows, lighting, sun)
 
 
-def _render_sky(rows: Image, first: int, lighting: Lighting, sky: str, gain: Floats | None) -> Floats | None:
-    """Render rows (R, 2H, 3) of the sky from `first` on; without a gain all, of which it is found and returned."""
-    level = sky_irradiance(lighting)
+def _render_sky(rows: Image, first: int, lighting: Lighting, gain: Floats | None) -> Floats | None:
+    """Render rows (R, 2H, 3) of the sky from `first` on, and return the gain (3,) of one without a unit of its own.
+
+    The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of the irradiance of level
+    ground, in each channel. Without a gain the rows are all of the sky, by which it is found.
+    """
+    sky = lighting.map_sky
     if lighting.sky_irradiance is None and sky == SKY_MODEL:  # others have no unit of their own
         _render_clear_sky(rows, first, lighting)
         return None
-    return _render_mixed_sky(rows, first, lighting, sky, level, gain)
+    irradiance, cover, height = sky_irradiance(lighting), lighting.sky_cover or 0.0, rows.shape[1] // 2
+    overcast = _overcast_rows(height // 2)[first : first + len(rows)] if cover > 0 else None
+    if overcast is not None and cover >= 1:
+        rows[:] = overcast * np.asarray(irradiance, dtype=np.float32)
+        return None
+    _render_sky_shape(rows, first, lighting, sky)
+    if gain is None:
+        reached = irradiance_from_rows(row_irradiance(height)[: len(rows)], rows)
+        gain = (1 - cover) * irradiance / np.maximum(reached, EPSILON_IRRADIANCE)
+    scale_colors(rows, gain)
+    if overcast is not None:
+        added = np.tile(np.asarray(cover * irradiance, dtype=np.float32), rows.shape[1])  # as in `scale_colors`
+        flat, count = rows.reshape(len(rows), -1), max(1, _CHUNK_PIXELS // added.size)
+        for start in range(0, len(flat), count):
+            flat[start : start + count] += overcast[start : start + count, 0] * added
+    return gain
 
 
-def _render_ground(rows: Image, lighting: Lighting, shines: bool) -> None:
-    level = sky_irradiance(lighting)
-    if shines:
-        level = level + sun_light(lighting)[1]
+def _render_ground(rows: Image, lighting: Lighting, sun: bool | None) -> None:
+    shines = lighting.sun_painted if sun is None else sun
+    level = level_irradiance(lighting) if shines else sky_irradiance(lighting)
     rows[0] = ground_reflectance(lighting) / math.pi * level
     rows[1:] = rows[0]  # copying whole rows is fastest
 
@@ -181,9 +197,19 @@ def cap_map(image: Image, lighting: Lighting) -> None:
     """
     if not _may_be_capped(lighting):
         return
-    half, levels = len(image) // 2, row_irradiance(len(image))
-    for rows in (slice(0, half), slice(half, None)):
-        _cap_radiance(levels[rows], image[rows])
+    limit = np.float32(MAX_RADIANCE)
+    for levels, rows in zip(np.split(row_irradiance(len(image)), 2), np.split(image, 2), strict=True):
+        if rows.max() <= limit:
+            continue
+        target = irradiance_from_rows(levels, rows)
+        for _ in range(_CAP_STEPS):
+            np.minimum(rows, limit, out=rows)
+            short = target / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE)
+            if short.max() <= 1 + _CAP_TOLERANCE:
+                break
+            scale_colors(rows, short)
+        else:
+            raise _too_bright()
 
 
 def _may_be_capped(lighting: Lighting) -> bool:
@@ -229,38 +255,8 @@ def with_irradiance(lighting: Lighting) -> Lighting:
         return lighting
     sun = sun_light(lighting)[0] if lighting.sun_painted else np.zeros(3)
     sky = sky_irradiance(lighting)
-    red, green, blue = ground_reflectance(lighting).tolist()
-    return replace(
-        lighting,
-        sun_irradiance=(float(sun[0]), float(sun[1]), float(sun[2])),
-        sky_irradiance=(float(sky[0]), float(sky[1]), float(sky[2])),
-        ground_color=(red, green, blue),
-    )
-
-
-def _render_mixed_sky(
-    image: Image, first: int, lighting: Lighting, sky: str, irradiance: Floats, gain: Floats | None
-) -> Floats | None:
-    """Fill rows (R, 2H, 3) of the sky, whose irradiance of level ground is then (3,), and return the gain (3,).
-
-    The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
-    """
-    cover, height = lighting.sky_cover or 0.0, image.shape[1] // 2
-    overcast = _overcast_rows(height // 2)[first : first + len(image)] if cover > 0 else None
-    if overcast is not None and cover >= 1:
-        image[:] = overcast * np.asarray(irradiance, dtype=np.float32)
-        return None
-    _render_sky_shape(image, first, lighting, sky)
-    if gain is None:
-        reached = irradiance_from_rows(row_irradiance(height)[: len(image)], image)
-        gain = (1 - cover) * irradiance / np.maximum(reached, EPSILON_IRRADIANCE)
-    scale_colors(image, gain)
-    if overcast is not None:
-        added = np.tile(np.asarray(cover * irradiance, dtype=np.float32), image.shape[1])  # as in `scale_colors`
-        flat, rows = image.reshape(len(image), -1), max(1, _CHUNK_PIXELS // added.size)
-        for start in range(0, len(flat), rows):
-            flat[start : start + rows] += overcast[start : start + rows, 0] * added
-    return gain
+    facing, level, ground = ((float(r), float(g), float(b)) for r, g, b in (sun, sky, ground_reflectance(lighting)))
+    return replace(lighting, sun_irradiance=facing, sky_irradiance=level, ground_color=ground)
 
 
 def _sun_glow(
@@ -524,7 +520,10 @@ def _even_disc(sun: Floats, elevation: float, radius: float, height: int) -> tup
     rows = np.arange(max(0, math.floor((90.0 - elevation - vertical) / pixel - 1)), height // 2)
     rows = rows[: max(1, math.ceil((90.0 - elevation + vertical) / pixel + 1) - rows[0])]
     reach = max(vertical, horizontal) * (1 + 0.5 * pixel / min(vertical, horizontal))
-    columns = _columns_within(float(angles(sun)[0]), elevation, reach, height)
+    columns, azimuth = np.arange(2 * height), float(angles(sun)[0])
+    if (beside := _azimuth_reach(elevation, reach)) is not None:
+        within = _cells_between(azimuth + 180.0 - beside, azimuth + 180.0 + beside, height / 180.0)
+        columns = np.flatnonzero(np.bincount(within % (2 * height)))  # numpy.unique would import masked arrays
     pixels = (rows[:, None] * 2 * height + columns).ravel()
     directions = _pixel_directions(pixels, height)
     up = np.degrees(np.arcsin(directions[:, 1])) - elevation
@@ -533,14 +532,6 @@ def _even_disc(sun: Floats, elevation: float, radius: float, height: int) -> tup
     share = np.clip((1 - outward) * min(vertical, horizontal) / pixel + 0.5, 0.0, 1.0)
     inside = share > 0
     return pixels[inside], share[inside], directions[inside]
-
-
-def _columns_within(azimuth: float, elevation: float, reach: float, height: int) -> NDArray[np.intp]:
-    """Columns of a map, from 0 on, that hold all directions within an angle [deg] of one; all of them at the zenith."""
-    if (beside := _azimuth_reach(elevation, reach)) is None:
-        return np.arange(2 * height)
-    columns = _cells_between(azimuth + 180.0 - beside, azimuth + 180.0 + beside, height / 180.0)
-    return np.flatnonzero(np.bincount(columns % (2 * height)))  # numpy.unique would import masked arrays
 
 
 def _azimuth_reach(elevation: float, reach: float) -> float | None:
@@ -611,29 +602,6 @@ def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArr
 def _cells_between(start: float, end: float, per_degree: float) -> NDArray[np.intp]:
     """Indices of the cells between two angles [deg]."""
     return np.arange(math.floor(start * per_degree), math.ceil(end * per_degree))
-
-
-def _cap_radiance(levels: Floats, rows: Image) -> None:
-    """Bring some rows of a map to at most MAX_RADIANCE in place; their irradiance of level ground stays.
-
-    Args:
-        levels: (R,) the `row_irradiance` of these rows.
-        rows: (R, W, 3) linear radiance, contiguous in memory.
-
-    Raises:
-        ParameterError: so much light does not fit.
-    """
-    limit = np.float32(MAX_RADIANCE)
-    if rows.max() <= limit:
-        return
-    target = irradiance_from_rows(levels, rows)
-    for _ in range(_CAP_STEPS):
-        np.minimum(rows, limit, out=rows)
-        short = target / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE)
-        if short.max() <= 1 + _CAP_TOLERANCE:
-            return
-        scale_colors(rows, short)
-    raise _too_bright()
 
 
 def _too_bright(image: str = "a map") -> ParameterError:

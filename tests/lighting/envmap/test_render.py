@@ -17,7 +17,7 @@ from lighting.cli import cli
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.render import (
-    _cap_radiance,
+    cap_map,
     clear_irradiance,
     ground_reflectance,
     level_irradiance,
@@ -467,14 +467,15 @@ def test_a_light_that_no_map_holds_is_refused(stated: bool) -> None:
 
 def test_a_bright_sky_keeps_its_irradiance() -> None:
     levels = latlong.row_irradiance(64)[:32]
-    rows = np.full((32, 128, 3), 20_000.0, np.float32)
+    image = np.full((64, 128, 3), 20_000.0, np.float32)
+    rows = image[:32]
     rows[10:14, 40:50] = (2e5, 1e5, 3e4)
     before = latlong.irradiance_from_rows(levels, rows)
-    _cap_radiance(levels, rows)
+    cap_map(image, light_of(40.0, 900.0))
     assert rows.max() <= HALF
     assert latlong.irradiance_from_rows(levels, rows) == pytest.approx(before, rel=2e-3)
     with pytest.raises(ParameterError, match="too bright"):
-        _cap_radiance(levels, rows * np.float32(5))
+        cap_map(image * np.float32(5), light_of(40.0, 900.0))
 
 
 @pytest.mark.parametrize("name", ["sky.exr", "sky.hdr"])
