@@ -56,7 +56,7 @@ from benchmarks.common import (
     warm_worker,
 )
 from lighting.calibration import calibrate_from_lines, shrink_to_gray
-from lighting.envmap.detail_library import DetailSource, load_detail_library
+from lighting.envmap.detail_library import DetailChoice, load_detail_library
 from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
@@ -108,9 +108,9 @@ def enlarge_by_pillow(photo: NDArray[np.uint8], size: tuple[int, int], cells: ND
         Image.fromarray(channel).resize((2 * height, height), Image.Resampling.BILINEAR)
 
 
-def paint_library_by_pillow(library: DetailSource, image: NDArray[np.float32]) -> None:
+def paint_library_by_pillow(choice: DetailChoice, image: NDArray[np.float32]) -> None:
     """Pillow's decoding and resizing of the panorama that lends a map (H, 2H, 3) its detail, and their product."""
-    picture = Image.open(io.BytesIO(load_detail_library().read_picture(library.choice.index))).convert("RGB")
+    picture = Image.open(io.BytesIO(load_detail_library().read_picture(choice.index))).convert("RGB")
     image * np.asarray(picture.resize(image.shape[1::-1]), dtype=np.float32)
 
 
@@ -205,7 +205,7 @@ def measure_parts(
         "place": lambda: render_with_surroundings(light, context, height, sun=True),
         "place floor": lambda: enlarge_by_pillow(photo.pixels, size, coarse, height),
         "detail": lambda: render_with_surroundings(light, replace(detailed), height, sun=True),
-        "detail floor": lambda: paint_library_by_pillow(detailed.own_source, image),
+        "detail floor": lambda: paint_library_by_pillow(detailed.own_choice, image),
         "EXR": lambda: write_exr(next(exr), image, light),
         "EXR floor": lambda: write_by_openexr(image),
     }

@@ -61,31 +61,47 @@ _GLARE_DEG = 20.0  # around the sun, where the sky may be bright
 _BRIGHTEST = 1.15  # times the brightest cell of the sky, which no other part exceeds
 
 
-class _MapDetail:
-    """The library's detail, calm around the sun. It is made in blocks of columns, and that of a small map kept."""
+class AddedDetail:
+    """What `add_detail` gives a map, for any of its rows, also where it has more of them.
+
+    It is the library's detail, calm around the sun, times gains. It is made in blocks of columns, and that of a small
+    map kept.
+    """
+
+    gains: Image
+    """(R, 2R, 3) of cells, by which the detail is multiplied."""
 
     def __init__(self, library: LibraryDetail, calm: Image | None, tint: Image) -> None:
         self._library = library
         self._tint = tint
         self._calm = calm
         self._calmed = slice(0)  # rows of the map around the sun
-        if self._calm is not None:
-            rows = np.flatnonzero((self._calm < 1).any(axis=(1, 2)))
+        if calm is not None:
+            rows = np.flatnonzero((calm < 1).any(axis=(1, 2)))
             self._calmed = _rows_between(rows, library.height, DETAIL_ROWS)
         self._ceiling: Image | None = None
         self._limited = slice(0)  # rows of the map where the ceiling is low
         self._blocks = column_blocks(library.height)
         self._whole = self._make(self._blocks[0], 0, library.height) if len(self._blocks) == 1 else None
 
-    def taller(self, height: int) -> "_MapDetail":
-        """The same of a map of more rows."""
-        taller = _MapDetail(self._library.taller(height), self._calm, self._tint)
+    def taller(self, height: int) -> "AddedDetail":
+        """Return the same for a map of more rows.
+
+        Args:
+            height: rows.
+        """
+        taller = AddedDetail(self._library.taller(height), self._calm, self._tint)
+        taller.gains = self.gains
         if self._ceiling is not None:
             taller.limit(self._ceiling)
         return taller
 
     def means(self, rows: int) -> Image:
-        """The detail's means (R, 2R, 3) in cells of some rows."""
+        """Return the means (R, 2R, 3) of the library's detail in cells of some rows.
+
+        Args:
+            rows: of the cells.
+        """
         if self._whole is not None:
             return shrink_envmap(self._whole, rows)
         height = self._library.height
@@ -93,15 +109,29 @@ class _MapDetail:
         return shrink_axis(np.concatenate(blocks, axis=1), 1, 2 * rows)
 
     def multiply(self, image: Image, first: int = 0) -> None:
-        """Give rows (R, 2H, 3) of a map, from a first one on, the detail."""
+        """Give rows of one half of a map, or all, the detail.
+
+        Args:
+            image: (R, 2H, 3), changed in place.
+            first: of the map's rows that they are.
+        """
         if self._whole is not None:
             image *= self._whole[first : first + len(image)]
-            return
-        for columns in column_blocks(self._library.height, len(image)):
-            image[:, columns] *= self._make(columns, first, len(image))
+        else:
+            for columns in column_blocks(self._library.height, len(image)):
+                image[:, columns] *= self._make(columns, first, len(image))
+        half = image.shape[1] // 4
+        for start, cells in zip((0, half), np.split(self.gains, 2), strict=True):
+            top, bottom = max(first, start), min(first + len(image), start + half)
+            if top < bottom:
+                multiply_cells(image[top - first : bottom - first], cells, top - start, half)
 
     def limit(self, ceiling: Image) -> bool:
-        """Bring the sky's detail under cells (R, 2R, 3), which are the sky over its mirror image; False if it is."""
+        """Bring the sky's detail under a ceiling; return False if it is.
+
+        Args:
+            ceiling: (R, 2R, 3) of cells, which are the sky over its mirror image.
+        """
         rows = np.flatnonzero((ceiling[: len(ceiling) // 2] < _DETAIL_RANGE[1]).any(axis=(1, 2)))
         if rows.size:
             self._ceiling = ceiling
@@ -156,36 +186,6 @@ def _light_pairs() -> NDArray[np.uint64]:
     return pairs
 
 
-@dataclass(frozen=True, eq=False)
-class AddedDetail:
-    """What `add_detail` gives a map, for any of its rows, also where it has more of them."""
-
-    _detail: _MapDetail
-    _gains: Image
-
-    def multiply(self, image: Image, first: int = 0) -> None:
-        """Give rows of one half of a map, or all, the detail.
-
-        Args:
-            image: (R, 2H, 3), changed in place.
-            first: of the map's rows that they are.
-        """
-        self._detail.multiply(image, first)
-        half = image.shape[1] // 4
-        for start, cells in zip((0, half), np.split(self._gains, 2), strict=True):
-            top, bottom = max(first, start), min(first + len(image), start + half)
-            if top < bottom:
-                multiply_cells(image[top - first : bottom - first], cells, top - start, half)
-
-    def taller(self, height: int) -> "AddedDetail":
-        """Return the same for a map of more rows.
-
-        Args:
-            height: rows.
-        """
-        return AddedDetail(self._detail.taller(height), self._gains)
-
-
 def add_detail(
     image: Image,
     library: LibraryDetail,
@@ -212,7 +212,7 @@ def add_detail(
     fine_before = shrink_envmap(image, rows)
     before = _pool(fine_before, DETAIL_ROWS)
     has_sun = lighting.sun_painted and lighting.sun_elevation > 0
-    sun_angle = angle_between(_cell_directions(), lighting.sun_direction) if has_sun else None
+    sun_angle = angle_between(latlong_directions(DETAIL_ROWS), lighting.sun_direction) if has_sun else None
     log = np.log(np.maximum(before, np.float32(1e-9)))
     smoothing = blur_cells(log, _HORIZON_DEG) - log  # the horizon is where the detail has it
     blurred = np.exp(smoothing if sun_angle is None else smoothing * _share_off_sun(sun_angle, _GLOW_DEG))
@@ -220,7 +220,7 @@ def add_detail(
     open_share = (1 - rim.covered * (1 - rim.clipped)) * level
     calm = None if sun_angle is None else _share_off_sun(sun_angle, _SUN_DEG)
     tint = _own_tint(before, library.color)
-    detail = _MapDetail(library, calm, np.concatenate([tint, np.ones_like(tint)]) - 1)
+    detail = AddedDetail(library, calm, np.concatenate([tint, np.ones_like(tint)]) - 1)
     fine_cells = fine_before * detail.means(rows)
     cells = _pool(fine_cells, DETAIL_ROWS)
     gains = blurred * _light_gains(before, cells * blurred, open_share)
@@ -228,7 +228,7 @@ def add_detail(
     if calm is not None:
         gains **= calm  # the glow stays as bright as it was, as its detail has none
     gains *= _hand_over(lit, rim, _HAND_OVER_DEG[0])
-    if detail.limit(_detail_ceiling(before * gains, _sky_limit(before, open_share, sun_angle))):
+    if detail.limit(_detail_ceiling(before * gains, before, open_share, sun_angle)):
         fine_cells = fine_before * detail.means(rows)
         cells = _pool(fine_cells, DETAIL_ROWS)
     for reach in _HAND_OVER_DEG:  # the photo's edges and the light on matte objects both come near what they are to be
@@ -237,17 +237,9 @@ def add_detail(
     fine_gains = np.ones_like(fine_cells)
     list(map(multiply_cells, np.split(fine_gains, 2), np.split(gains, 2)))
     fine_gains *= _hand_over(fine_cells * fine_gains, fine, *_BAND_DEG)
-    added = AddedDetail(detail, fine_gains)
-    added.multiply(image)
-    return added
-
-
-@lru_cache(maxsize=1)
-def _cell_directions() -> Floats:
-    """Unit vectors (R, 2R, 3) of the cells, to be read alone."""
-    directions = latlong_directions(DETAIL_ROWS)
-    directions.setflags(write=False)
-    return directions
+    detail.gains = fine_gains
+    detail.multiply(image)
+    return detail
 
 
 def _own_tint(cells: Image, color: Image) -> Image:
@@ -399,14 +391,23 @@ def _hand_over(lit: Image, photo: _PhotoCells, *reaches: tuple[float, float]) ->
     return np.asarray(np.exp(np.ascontiguousarray(np.moveaxis(log_gains, 0, 2))))
 
 
-def _detail_ceiling(cells: Image, limit: Floats) -> Image:
+def _detail_ceiling(cells: Image, before: Image, open_share: Image, sun_angle: Floats | None) -> Image:
     """The largest detail (R, 2R, 3) of each cell of the sky, and below it their mirror image.
+
+    With it no part of the sky is much brighter than the brightest one, away from the sun's glare, was before.
 
     Args:
         cells: (R, 2R, 3) what it will be multiplied with.
-        limit: (R / 2, 2R) luminance that no part of the sky may exceed.
+        before: (R, 2R, 3) the map without detail.
+        open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
+        sun_angle: (R, 2R) deg from the sun; None: there is none.
     """
-    level = cells[: len(limit)] @ LUMINANCE_WEIGHTS
+    half = len(cells) // 2
+    sky, level = before[:half] @ LUMINANCE_WEIGHTS, cells[:half] @ LUMINANCE_WEIGHTS
+    away = open_share[:half, :, 0] > 0
+    if sun_angle is not None:
+        away &= sun_angle[:half] > _GLARE_DEG
+    limit = np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky)
     ceiling = np.maximum(limit / np.maximum(level, 1e-9), 1).astype(np.float32)
     return np.concatenate([ceiling, ceiling[::-1]])[..., None].repeat(3, axis=2)
 
@@ -447,19 +448,10 @@ def _moments() -> tuple[Floats, Floats]:
 
     Also the product of each with each (2 R², 100).
     """
-    x, y, z = np.moveaxis(_cell_directions(), -1, 0)
+    x, y, z = np.moveaxis(latlong_directions(DETAIL_ROWS), -1, 0)
     terms = [np.ones_like(x), x, y, z, x * y, y * z, x * z, x * x - z * z, 3 * y * y - 1, np.abs(y)]
     moments = np.stack(terms, axis=-1).reshape(-1, len(terms))
     products = (moments[:, :, None] * moments[:, None]).reshape(len(moments), -1)
     for values in (moments, products):
         values.setflags(write=False)
     return moments, products
-
-
-def _sky_limit(before: Image, open_share: Image, sun_angle: Floats | None) -> Floats:
-    """The luminance (R / 2, 2R) that no part of the sky may exceed."""
-    sky = before[: len(before) // 2] @ LUMINANCE_WEIGHTS
-    away = open_share[: len(sky), :, 0] > 0
-    if sun_angle is not None:
-        away &= sun_angle[: len(sky)] > _GLARE_DEG
-    return np.asarray(np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky))

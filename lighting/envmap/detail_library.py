@@ -12,7 +12,6 @@ shores for photos of water.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,10 +100,8 @@ class DetailLibrary:
 
     names: tuple[str, ...]
     """Of the panoramas."""
-    file: Path
-    """That holds their pictures: WebP, sRGB, PICTURE_ROWS rows."""
     picture_ends: NDArray[np.int64]
-    """(N,) where they end in the file."""
+    """(N,) where their pictures end in the file: WebP, sRGB, PICTURE_ROWS rows."""
     picture_sizes: NDArray[np.int64]
     """(N,) in bytes."""
     features: NDArray[np.float32]
@@ -145,14 +142,14 @@ class DetailLibrary:
             index: of the panorama, from 0.
         """
         size = int(self.picture_sizes[index])
-        with self.file.open("rb") as file:
+        with LIBRARY_PATH.open("rb") as file:
             file.seek(int(self.picture_ends[index]) - size)
             return file.read(size)
 
 
 @dataclass(frozen=True)
 class DetailChoice:
-    """A panorama of the library, perhaps flipped, and rotated afterwards."""
+    """A panorama of the library, perhaps flipped, and rotated afterwards, and how colorful it may be."""
 
     index: int
     """Of the panorama in the library, from 0."""
@@ -160,16 +157,8 @@ class DetailChoice:
     """Whether left and right are swapped."""
     yaw: float
     """Deg; what was at azimuth a (-a if flipped) is at a + yaw."""
-
-
-@dataclass(frozen=True)
-class DetailSource:
-    """What is chosen for a photo: a panorama of the library, and how colorful it may be."""
-
-    choice: DetailChoice
-    """What the detail is taken from."""
-    saturation: float
-    """Factor, 0 or more, on the detail's color."""
+    saturation: float = 1.0
+    """Factor, 0 or more, on its color."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +189,6 @@ def load_detail_library() -> DetailLibrary:
     low, high = FEATURE_RANGE
     return DetailLibrary(
         names=tuple(table["name"].tolist()),
-        file=LIBRARY_PATH,
         picture_ends=ends,
         picture_sizes=table["size"],
         features=table["features"] * np.float32((high - low) / 255) + np.float32(low),
@@ -325,21 +313,17 @@ def class_features(
     return np.stack(means).reshape(-1, FEATURE_ROWS, 2 * FEATURE_ROWS).astype(np.float32)
 
 
-def choose_source(features: PhotoFeatures, kind: str | None = None) -> DetailSource:
-    """The detail that suits a photo.
+def choose_detail(features: PhotoFeatures, kind: str | None = None) -> DetailChoice:
+    """The panorama, of all rotations and both ways round, whose detail suits a photo best.
 
     Args:
         features: of the photo.
         kind: of BACKDROPS, to which the choice is confined; None: all of them.
     """
-    return DetailSource(_choose_detail(features, kind), features.saturation)
-
-
-def _choose_detail(features: PhotoFeatures, kind: str | None = None) -> DetailChoice:
-    """The panorama, of all rotations and both ways round, that costs least; arguments as those of `choice_costs`."""
     cost = choice_costs(features, kind) + load_detail_library().cost[:, None]
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
+    yaw = float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS))
+    return DetailChoice(int(index), bool(way), yaw, features.saturation)
 
 
 def choice_costs(photo: PhotoFeatures, kind: str | None = None) -> Floats:

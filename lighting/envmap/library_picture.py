@@ -11,14 +11,7 @@ from PIL import Image as Pictures
 from PIL import ImageEnhance, WebPImagePlugin
 
 from lighting.color import SRGB_LINEAR
-from lighting.envmap.detail_library import (
-    DETAIL_ROWS,
-    LOG_OFFSET,
-    DetailChoice,
-    DetailLibrary,
-    DetailSource,
-    load_detail_library,
-)
+from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET, DetailChoice, load_detail_library
 from lighting.envmap.latlong import Image, blur_cells, column_blocks, shrink_envmap
 
 _COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
@@ -57,23 +50,18 @@ class _DetailPicture:
         return np.asarray(part.resize(size, _kernel(count, self.height), (0, top, part.width, bottom)))
 
 
-def detail_picture(
-    choice: DetailChoice, height: int, saturation: float = 1.0, library: DetailLibrary | None = None
-) -> _DetailPicture:
+def detail_picture(choice: DetailChoice, height: int) -> _DetailPicture:
     """The chosen panorama.
 
     Args:
         choice: of the library.
         height: rows of the map.
-        saturation: 0 for grey to 1 for its own colors.
-        library: None is the one in this package.
     """
-    library = load_detail_library() if library is None else library
-    data = io.BytesIO(library.read_picture(choice.index))
+    data = io.BytesIO(load_detail_library().read_picture(choice.index))
     with WebPImagePlugin.WebPImageFile(data) as file:  # Image.open would load the plugins of all formats
         picture = file.convert("RGB")
-    if saturation < 1:
-        picture = ImageEnhance.Color(picture).enhance(saturation)
+    if choice.saturation < 1:
+        picture = ImageEnhance.Color(picture).enhance(choice.saturation)
     if choice.flipped:
         picture = picture.transpose(Pictures.Transpose.FLIP_LEFT_RIGHT)
     wide = picture.resize((2 * height, picture.height), _kernel(picture.height, height))
@@ -88,10 +76,9 @@ def _kernel(rows: int, height: int) -> Pictures.Resampling:
 class LibraryDetail:
     """A panorama of the library over what is coarse in it."""
 
-    def __init__(self, source: DetailSource, height: int) -> None:
+    def __init__(self, choice: DetailChoice, height: int) -> None:
         self.height, blocks = height, column_blocks(height)
-        self._source = source
-        self._picture = detail_picture(source.choice, height, source.saturation)
+        self._choice, self._picture = choice, detail_picture(choice, height)
         self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
         reduced = np.concatenate([_reduce(self.pixels(part, 0, height), height, part) for part in blocks], axis=1)
         coarse = _coarse_colors(reduced)
@@ -107,9 +94,7 @@ class LibraryDetail:
             height: rows.
         """
         taller = copy(self)
-        taller.height = height
-        taller._picture = detail_picture(self._source.choice, height, self._source.saturation)
-        taller._kept = None
+        taller.height, taller._picture, taller._kept = height, detail_picture(self._choice, height), None
         return taller
 
     def pixels(self, columns: slice, first: int, count: int) -> NDArray[np.uint8]:

@@ -98,45 +98,31 @@ def read_ground_shade(
     check_lighting(lighting)
     small = _shrink_photo(check_pixels(photo))
     height, width = small.shape[:2]
-    found = _find_ground(small, lighting, sun, segments)
-    if found is None:
-        return GroundShade(np.ones((height, width), dtype=np.float32), None)
-    lit = np.ones(found.shown.shape, dtype=np.float32)
-    lit[found.shown] = _sunlit_share(found, _white_level(lighting), lighting.sun_visibility)
-    mask = np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
-    return GroundShade(mask, None if found.classes is None else float(2 ** (found.classes[0] - found.classes[1])))
-
-
-@dataclass(frozen=True, eq=False)
-class _Ground:
-    """What a photo shows of the ground under a sun."""
-
-    shown: NDArray[np.bool_]
-    """(h, w) where it does."""
-    stops: Floats
-    """(N,) log2 luminance there."""
-    step: float
-    """Stops between level ground in the sun and in shade, as the light predicts it."""
-    classes: tuple[float, float] | None
-    """Mean stops in shade and in the sun; None: all is of one kind."""
-
-
-def _find_ground(
-    small: NDArray[np.uint8], lighting: Lighting, sun: bool | None, segments: Segments | None
-) -> _Ground | None:
-    """The ground in a small photo; None where there is none, or no sun to tell."""
-    shines = lighting.sun_painted if sun is None else sun
-    step = _predicted_step(lighting) if shines else 0.0
+    direct = float(luminance(sun_light(lighting)[0])) * max(float(lighting.sun_direction[1]), 0.0)
+    sky = float(luminance(sky_irradiance(lighting)))
+    step = float(
+        np.log2(1 + direct / max(sky, EPSILON_IRRADIANCE))
+    )  # stops between sunlit and shaded ground
+    white = float(np.log2(max(sky + direct, EPSILON_IRRADIANCE) / np.pi))  # of a level white surface in the sun
     stops = _log_luminance(small)
     rays = camera_directions(photo_camera(lighting, stops.shape[1], stops.shape[0]))
-    shown = (rays[..., 1] < -_SIN_BELOW) & ~_shows_things(segments, stops.shape)
-    if step < _MIN_STEP or shown.mean() < _MIN_GROUND:
-        return None
-    middle = _white_level(lighting) + _LOG2_ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
+    shown = rays[..., 1] < -_SIN_BELOW
+    if segments is not None:
+        shown &= pixel_share(segments, stops.shape[1], stops.shape[0], *THINGS) <= _MAX_THINGS
+    shines = lighting.sun_painted if sun is None else sun
+    if not shines or step < _MIN_STEP or shown.mean() < _MIN_GROUND:
+        return GroundShade(np.ones((height, width), dtype=np.float32), None)
+    middle = white + _LOG2_ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
     classes = _classify_ground(stops[shown], middle, max(_MIN_STEP, _MIN_PREDICTED_SHARE * step))
-    if classes is not None and _is_grass_beside_sand(small, shown, stops > sum(classes) / 2):
-        classes = None
-    return _Ground(shown, stops[shown], step, classes)
+    lit, shaded_light = np.ones(shown.shape, dtype=np.float32), None
+    if classes is None or _is_grass_beside_sand(small, shown, stops > sum(classes) / 2):
+        lit[shown] = np.median(stops[shown]) >= white + _min_lit_albedo(step, lighting.sun_visibility)
+    else:
+        dark, bright = classes
+        lit[shown] = np.clip((stops[shown] - (dark + bright) / 2) / (0.5 * (bright - dark)) + 0.5, 0, 1)
+        shaded_light = float(2 ** (dark - bright))
+    mask = np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
+    return GroundShade(mask, shaded_light)
 
 
 def _is_grass_beside_sand(small: NDArray[np.uint8], shown: NDArray[np.bool_], bright: NDArray[np.bool_]) -> bool:
@@ -148,13 +134,6 @@ def _is_grass_beside_sand(small: NDArray[np.uint8], shown: NDArray[np.bool_], br
         for tint in (green - (red + blue) / 2, blue - red)
     )
     return greener > _GREENER and bluer < _BLUER
-
-
-def _shows_things(segments: Segments | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Which pixels (h, w) of a picture rather show things than the ground behind them."""
-    if segments is None:
-        return np.zeros(shape, dtype=bool)
-    return pixel_share(segments, shape[1], shape[0], *THINGS) > _MAX_THINGS
 
 
 def shadow_receivers(lit: NDArray[np.float32], segments: Segments | None) -> NDArray[np.float32]:
@@ -260,32 +239,6 @@ def _mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach:
     rows = clip_slice(float(y.mean()), reach * scale, len(lit))
     part = lit[rows, columns]
     return float(part.mean()) if part.size else 1.0
-
-
-def _predicted_step(lighting: Lighting) -> float:
-    """Stops between level ground in the sun and in shade."""
-    sky, direct = _level_luminances(lighting)
-    return float(np.log2(1 + direct / max(sky, EPSILON_IRRADIANCE)))
-
-
-def _white_level(lighting: Lighting) -> float:
-    """Log2 of the luminance of a level white surface in the sun."""
-    return float(np.log2(max(sum(_level_luminances(lighting)), EPSILON_IRRADIANCE) / np.pi))
-
-
-def _level_luminances(lighting: Lighting) -> tuple[float, float]:
-    """Luminance of level ground's irradiance by sky and by sun."""
-    direct = float(luminance(sun_light(lighting)[0])) * max(float(lighting.sun_direction[1]), 0.0)
-    return float(luminance(sky_irradiance(lighting))), direct
-
-
-def _sunlit_share(ground: _Ground, level: float, visibility: float) -> Floats:
-    """The share (N,) of the sun at the ground."""
-    if ground.classes is None:
-        lit = float(np.median(ground.stops)) >= level + _min_lit_albedo(ground.step, visibility)
-        return np.full(len(ground.stops), float(lit))
-    dark, bright = ground.classes
-    return np.asarray(np.clip((ground.stops - (dark + bright) / 2) / (0.5 * (bright - dark)) + 0.5, 0, 1))
 
 
 def _classify_ground(stops: Floats, middle: float, least: float) -> tuple[float, float] | None:

@@ -74,10 +74,10 @@ class PhotoContext:
         return coarse
 
     @cached_property
-    def own_source(self) -> detail_library.DetailSource:
+    def own_choice(self) -> detail_library.DetailChoice:
         """What its detail is taken from, by the light that the photo shows."""
         assert self.light is not None
-        return detail_library.choose_source(describe_place(self.light, self), self.backdrop)
+        return detail_library.choose_detail(describe_place(self.light, self), self.backdrop)
 
     def gain(self, lighting: Lighting) -> float:
         """The factor that brings photo and panorama to the exposure of a light.
@@ -174,7 +174,12 @@ def _render_layers(lighting: Lighting, context: PhotoContext, height: int, sun: 
     scales = _lay_photo(photo, image, targets, gain, factors, shown=not detailed)
     detail, detail_scales = None, tuple[PhotoScale, ...]()
     if detailed:
-        library = _find_detail(lighting, context, height)
+        chosen_by = context.first or context
+        if chosen_by.light:
+            choice = chosen_by.own_choice
+        else:
+            choice = detail_library.choose_detail(describe_place(lighting, context), context.backdrop)
+        library = library_picture.LibraryDetail(choice, height)
         detail = add_detail(image, library, lighting, context.photo, context.segments, photo, gain)
         detail_scales = _lay_photo(photo, image, targets, gain)
     cap_map(image, lighting)
@@ -303,16 +308,6 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
     """
     _check_context(context)
     return _coarse_map(lighting, context)[1]
-
-
-def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> library_picture.LibraryDetail:
-    """The detail of the library for a photo."""
-    chosen_by = context.first or context
-    if chosen_by.light:
-        source = chosen_by.own_source
-    else:
-        source = detail_library.choose_source(describe_place(lighting, context), context.backdrop)
-    return library_picture.LibraryDetail(source, height)
 
 
 def describe_place(lighting: Lighting, context: PhotoContext) -> detail_library.PhotoFeatures:

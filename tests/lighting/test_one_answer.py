@@ -100,9 +100,9 @@ def test_every_door_shows_the_same_place(name: str, tmp_path: Path, monkeypatch:
     photo, chosen = EXAMPLES / f"{name}.jpg", list[object]()
     make = library_picture.LibraryDetail
 
-    def watch(source: detail_library.DetailSource, height: int) -> library_picture.LibraryDetail:
-        chosen.append(source)
-        return make(source, height)
+    def watch(choice: detail_library.DetailChoice, height: int) -> library_picture.LibraryDetail:
+        chosen.append(choice)
+        return make(choice, height)
 
     monkeypatch.setattr(library_picture, "LibraryDetail", watch)
     answer = lighting.estimate(photo)
@@ -124,4 +124,4 @@ def test_every_door_shows_the_same_place(name: str, tmp_path: Path, monkeypatch:
             files = {"photo": (photo.name, photo.read_bytes(), "image/jpeg")}
             assert client.post(f"/v1/{route}", params=query, files=files).status_code == 200
     assert len(chosen) == 13
-    assert all(source == chosen[0] for source in chosen)
+    assert all(choice == chosen[0] for choice in chosen)

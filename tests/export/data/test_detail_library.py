@@ -77,12 +77,12 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
     detail_library.load_detail_library.cache_clear()
     try:
         library = detail_library.load_detail_library()
+        picture = detail_picture(detail_library.DetailChoice(0, False, 0.0), 96)
     finally:
         detail_library.load_detail_library.cache_clear()
     assert library.names == ("a", "d", "e")
     assert library.sunlit.tolist() == [True] * 3
     assert library.sun_azimuth.tolist() == [-20.0] * 3
-    picture = detail_picture(detail_library.DetailChoice(0, False, 0.0), 96, library=library)
     assert picture.columns(slice(0, 192)).shape == (96, 192, 3)
     assert np.isfinite(library.features).all()
     assert library.kind.tolist() == ["city"] * 3

@@ -17,7 +17,7 @@ from lighting.envmap.detail_library import (
     PhotoFeatures,
     _feature_weights,
     cell_features,
-    choose_source,
+    choose_detail,
     describe_photo,
     load_detail_library,
 )
@@ -238,7 +238,7 @@ def test_what_stands_before_a_glow_is_dark() -> None:
 
 def choose(target: np.ndarray, weight: np.ndarray, **known: Any) -> Any:
     """The panorama that is chosen for features."""
-    return choose_source(PhotoFeatures(target, weight, **{"sun_azimuth": None, "saturation": 1.0} | known)).choice
+    return choose_detail(PhotoFeatures(target, weight, **{"sun_azimuth": None, "saturation": 1.0} | known))
 
 
 def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
@@ -391,7 +391,7 @@ def test_pictures_are_rotated_and_flipped() -> None:
     )
     np.testing.assert_array_equal(np.roll(plain, 32, axis=1), turned)
     assert np.abs(plain[:, ::-1] - flipped).mean() < 1.0
-    grey = detail_picture(DetailChoice(5, False, 0.0), 64, saturation=0.0).columns(everything)
+    grey = detail_picture(DetailChoice(5, False, 0.0, saturation=0.0), 64).columns(everything)
     assert (grey[..., 0] == grey[..., 1]).all()
 
 

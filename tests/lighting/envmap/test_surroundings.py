@@ -269,7 +269,7 @@ def test_the_detail_is_chosen_once_for_all_resolutions() -> None:
     assert place is not None
     assert finer is not None
     assert place is answer.context()
-    assert finer.own_source != place.own_source  # by its own pixels it would be another
+    assert finer.own_choice != place.own_choice  # by its own pixels it would be another
     assert finer.first is place
     image = render_with_surroundings(stated_light(), finer, 64)
     assert not np.array_equal(image, render_with_surroundings(stated_light(), replace(finer, first=None), 64))
@@ -282,7 +282,7 @@ def test_a_stated_backdrop_is_the_place_around_the_photo() -> None:
         context = answer.context(MapOptions(backdrop=kind), np.full((60, 80, 3), 90, np.uint8))
         assert context is not None
         assert context.first is not None
-        assert library.kind[context.first.own_source.choice.index] == kind
+        assert library.kind[context.first.own_choice.index] == kind
     with pytest.raises(ParameterError, match='backdrop is for around "place"'):
         MapOptions(around="plain", backdrop="city")
     with pytest.raises(ParameterError, match="moon"):
