@@ -160,13 +160,16 @@ def sky_white_balance(samples: PhotoSamples, lighting: Lighting) -> Floats | Non
         return None
     sunset = colors if lighting.sun_elevation < _SUNSET_SUN[1] else None
     if sunset is not None and samples.segments is not None:
-        share = pixel_share(samples.segments, *samples.sky.shape[::-1], SurfaceClass.SKY)
-        sunset = _sky_colors(samples, samples.sky & (share > _MIN_SKY_PROBABILITY), lighting, bare_sky)
+        sky = pixel_share(samples.segments, *samples.sky.shape[::-1], SurfaceClass.SKY)
+        sunset = _sky_colors(samples, samples.sky & (sky > _MIN_SKY_PROBABILITY), lighting, bare_sky)
     irradiance = np.array(lighting.sky_irradiance) + EPSILON_IRRADIANCE
     exponent = _TINT_EXPONENT[0] + _TINT_EXPONENT[1] * (lighting.sky_cover or 0.0) ** 2
     tint = _color_ratio(*colors) ** exponent
     if sunset is not None:
-        warm = _color_ratio(sunset[0], irradiance) ** _sunset_exponent(sunset[0], lighting.sun_elevation)
+        red, _, blue = np.maximum(sunset[0], EPSILON_IRRADIANCE)
+        low = float(np.interp(lighting.sun_elevation, _SUNSET_SUN, (1.0, 0.0)))
+        share = low * float(np.interp(np.log2(red / blue), *_SUNSET_SHARES))
+        warm = _color_ratio(sunset[0], irradiance) ** share
         tint = warm if warm[0] / warm[2] > max(tint[0] / tint[2], 1.0) else tint
     return np.asarray(tint * float(luminance(irradiance) / luminance(irradiance * tint)))
 
@@ -186,13 +189,6 @@ def share_sky_color(samples: Sequence[PhotoSamples], lights: Sequence[Lighting])
     return [
         replace(light, sky_irradiance=clip_color(tint * light.sky_irradiance, "sky_irradiance")) for light in lights
     ]
-
-
-def _sunset_exponent(sky: Floats, sun_elevation: float) -> float:
-    """How far all the sky takes the color (3,) of a photo's: the more the warmer it is and the lower the sun [deg]."""
-    red, _, blue = np.maximum(sky, EPSILON_IRRADIANCE)
-    low = float(np.interp(sun_elevation, _SUNSET_SUN, (1.0, 0.0)))
-    return low * float(np.interp(np.log2(red / blue), *_SUNSET_SHARES))
 
 
 def sky_color_ratio(samples: PhotoSamples, lighting: Lighting) -> Floats | None:

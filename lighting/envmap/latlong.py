@@ -136,14 +136,9 @@ def _area_shares(fewer: int, pixels: int) -> Image:
     low, high = edges[:-1, None], edges[1:, None]
     start = np.arange(pixels)
     filled = np.clip(np.minimum(high, start + 1) - np.maximum(low, start), 0.0, None)
-    return _read_only(filled * (fewer / pixels))
-
-
-def _read_only(shares: Floats) -> Image:
-    """Shares that are kept, and so must stay."""
-    kept = np.asarray(shares, dtype=np.float32)
-    kept.setflags(write=False)
-    return kept
+    shares = np.asarray(filled * (fewer / pixels), dtype=np.float32)
+    shares.setflags(write=False)  # since others get them as well
+    return shares
 
 
 def blur_envmap(image: Image, concentration: float) -> Image:
@@ -288,6 +283,8 @@ def _interpolation_bands(
 ) -> list[tuple[slice, slice, NDArray[np.float32]]]:
     """Some rows or columns in bands: where each is, which cells count for it, and their shares in its pixels.
 
+    Pixels lie between the cells on either side of them; beyond the ends these wrap or end.
+
     Args:
         pixels: rows or columns of the map.
         cells: rows or columns of cells.
@@ -295,24 +292,17 @@ def _interpolation_bands(
         start: of the pixels; bands are counted from it.
         stop: of the pixels.
     """
-    weights = _interpolation_weights(pixels, cells, wraps)[start:stop]
+    position = (np.arange(start, stop) + 0.5) * cells / pixels - 0.5
+    low, weights = np.floor(position).astype(np.intp), np.zeros((stop - start, cells), np.float32)
+    for cell, share in ((low, 1 - (position - low)), (low + 1, position - low)):
+        inside = cell % cells if wraps else np.clip(cell, 0, cells - 1)
+        weights[np.arange(len(low)), inside] += np.asarray(share, dtype=np.float32)
+    weights.setflags(write=False)  # since others get them as well
     starts = np.arange(0, len(weights), _BAND_PIXELS)
     counts = np.add.reduceat(weights, starts, axis=0) > 0  # which cells (bands, cells) do
     first, end = counts.argmax(axis=1).tolist(), (cells - counts[:, ::-1].argmax(axis=1)).tolist()
     bands = [slice(start, min(start + _BAND_PIXELS, len(weights))) for start in starts.tolist()]
     return [(band, slice(a, b), weights[band, a:b]) for band, a, b in zip(bands, first, end, strict=True)]
-
-
-@lru_cache(maxsize=32)
-def _interpolation_weights(pixels: int, cells: int, wraps: bool) -> NDArray[np.float32]:
-    """The shares (pixels, cells) of the cells on either side of each pixel; beyond the ends they wrap or end."""
-    position = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
-    low = np.floor(position).astype(np.intp)
-    shares = np.zeros((pixels, cells), np.float32)
-    for cell, share in ((low, 1 - (position - low)), (low + 1, position - low)):
-        inside = cell % cells if wraps else np.clip(cell, 0, cells - 1)
-        shares[np.arange(pixels), inside] += np.asarray(share, dtype=np.float32)
-    return _read_only(shares)
 
 
 # Cubemaps.
@@ -352,18 +342,6 @@ def level_count(size: int) -> int:
     return size.bit_length() - _MIN_FACE.bit_length() + 1
 
 
-def _cubemap_directions(size: int) -> Floats:
-    """Return the unit vectors (6, size, size, 3) of a cubemap's pixels.
-
-    Args:
-        size: of a face, pixels.
-    """
-    steps = (np.arange(size) + 0.5) * (2 / size) - 1
-    middle, column, row = np.moveaxis(_AXES, 1, 0)[:, :, None, None, :]
-    vectors = middle + steps[:, None] * column + steps[:, None, None] * row
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
-
-
 def to_cubemap(image: Image, size: int) -> Image:
     """Return the faces (6, size, size, 3) of a map.
 
@@ -371,8 +349,11 @@ def to_cubemap(image: Image, size: int) -> Image:
         image: (H, 2H, 3), linear radiance.
         size: of a face, pixels.
     """
-    alike = shrink_envmap(image, 2 * size)  # to pixels of that size
-    return np.asarray(sample_latlong(alike, _cubemap_directions(size)), dtype=np.float32)
+    alike, steps = shrink_envmap(image, 2 * size), (np.arange(size) + 0.5) * (2 / size) - 1  # to pixels of that size
+    middle, column, row = np.moveaxis(_AXES, 1, 0)[:, :, None, None, :]
+    vectors = middle + steps[:, None] * column + steps[:, None, None] * row
+    directions = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(sample_latlong(alike, directions), dtype=np.float32)
 
 
 def prefilter_cubemap(image: Image, size: int, roughnesses: Sequence[float]) -> list[Image]:
@@ -384,11 +365,8 @@ def prefilter_cubemap(image: Image, size: int, roughnesses: Sequence[float]) -> 
         roughnesses: one a level, 0 to 1; that of GGX is its square.
     """
     coarse = shrink_envmap(image, _BLUR_ROWS)
-    levels = []
-    for level, roughness in enumerate(roughnesses):
-        sharp = roughness < _MIN_ROUGHNESS
-        levels.append(to_cubemap(image if sharp else _blur_ggx(coarse, roughness**2), size >> level))
-    return levels
+    seen = (image if roughness < _MIN_ROUGHNESS else _blur_ggx(coarse, roughness**2) for roughness in roughnesses)
+    return [to_cubemap(shown, size >> level) for level, shown in enumerate(seen)]
 
 
 def _blur_ggx(image: Image, alpha: float) -> Image:

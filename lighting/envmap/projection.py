@@ -8,14 +8,7 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR, max_channel
-from lighting.envmap.latlong import (
-    EPSILON_IRRADIANCE,
-    Image,
-    column_blocks,
-    row_irradiance,
-    scale_colors,
-    shrink_axis,
-)
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, column_blocks, row_irradiance, scale_colors, shrink_axis
 from lighting.geometry import Floats, Pinhole, latlong_angles, wrap_azimuth
 from lighting.prediction import PASSING_THINGS, Segments, pixel_share
 from lighting.records import Lighting
@@ -177,13 +170,9 @@ class PhotoProjection:
             return None
         if len(self.blocks) > 1:
             return self._pixels(slice(top, bottom), slice(left, right))
-        return self._kept_part(top, bottom)
-
-    def _kept_part(self, top: int, bottom: int) -> ProjectedPhoto:
-        """Its pixels in some rows of a small map."""
         if (top, bottom) not in self._parts:
-            part, whole = slice(top - self.rows.start, bottom - self.rows.start), self.whole
-            kept = ProjectedPhoto(slice(top, bottom), self.columns, whole.linear[part], whole.weight[part])
+            part, whole = slice(top - self.rows.start, bottom - self.rows.start), self._whole
+            kept = replace(whole, rows=slice(top, bottom), linear=whole.linear[part], weight=whole.weight[part])
             self._parts[top, bottom] = kept
         return self._parts[top, bottom]
 
@@ -193,16 +182,14 @@ class PhotoProjection:
         Args:
             rows: of the cells.
         """
-        weights = [shrink_axis(self._weights(columns), 0, rows) for columns in self.blocks]
-        return shrink_axis(np.concatenate(weights, axis=1), 1, 2 * rows)
-
-    def _weights(self, columns: slice) -> Image:
-        """Its weight (H, C, 1) in some columns of the map."""
-        weight = np.zeros((self.height, columns.stop - columns.start, 1), np.float32)
-        if (block := self.block(columns)) is not None:
-            left, right = block.columns.start - columns.start, block.columns.stop - columns.start
-            weight[block.rows, left:right, 0] = block.weight
-        return weight
+        shares = []
+        for columns in self.blocks:
+            weight = np.zeros((self.height, columns.stop - columns.start, 1), np.float32)
+            if (block := self.block(columns)) is not None:
+                left, right = block.columns.start - columns.start, block.columns.stop - columns.start
+                weight[block.rows, left:right, 0] = block.weight
+            shares.append(shrink_axis(weight, 0, rows))
+        return shrink_axis(np.concatenate(shares, axis=1), 1, 2 * rows)
 
     @cached_property
     def _parts(self) -> dict[tuple[int, int], ProjectedPhoto]:
@@ -210,13 +197,21 @@ class PhotoProjection:
         return {}
 
     @cached_property
-    def whole(self) -> ProjectedPhoto:
-        """All its pixels at once."""
+    def _whole(self) -> ProjectedPhoto:
+        """Of a small map: all its pixels at once."""
         return self._pixels(self.rows, self.columns)
 
     def _pixels(self, rows: slice, columns: slice) -> ProjectedPhoto:
+        """Its pixels in some rows and columns of the map; its weight falls to 0 at its edges."""
         x, y = _map_to_picture(self.camera, self.height, rows, columns)
-        return ProjectedPhoto(rows, columns, _pixels_at(self.picture, x, y), _inner_weight(x, y))
+        height, width = self.picture.shape[:2]
+        row, column = (
+            np.clip((position + 1) * np.float32(count / 2), 0, count - 1).astype(np.intp)
+            for position, count in ((-y, height), (x, width))
+        )
+        pixels = self.picture.reshape(-1, 3).take(row * width + column, axis=0)
+        ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(_FEATHER), 0, 1)
+        return ProjectedPhoto(rows, columns, SRGB_LINEAR.take(pixels), ramp * ramp * (3 - 2 * ramp))
 
 
 def _sum_product(weight: Image, image: Image) -> Floats:
@@ -248,36 +243,17 @@ def project_photo(
         height: rows of the map.
         strip: rows of it that are made at once; None: all.
     """
+    from PIL import Image as Picture
+
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     width, rows = size_in_envmap(camera, height)
     camera = replace(camera, width=width, height=rows)
-    x, y = np.moveaxis(geometry.camera_pixel(_window_directions(), camera), -1, 0)
+    x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
     inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false for NaN
     window = geometry.pixel_window(inside, height, 2 * height) or (slice(0, 0), slice(0, 0))
-    blocks = column_blocks(height, strip)
-    picture = _resize_photo(photo, (width, rows))
-    return PhotoProjection(*window, height, picture, camera, blocks)
-
-
-@lru_cache(maxsize=1)
-def _window_directions() -> Floats:
-    """The directions (_WINDOW_ROWS, 2 _WINDOW_ROWS, 3) by which a photo's window is found, to be read alone."""
-    directions = geometry.latlong_directions(_WINDOW_ROWS)
-    directions.setflags(write=False)
-    return directions
-
-
-def _inner_weight(x: Image, y: Image) -> Image:
-    """Weight of a photo at positions in it, each -1 to 1; it falls to 0 at its edges."""
-    ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(_FEATHER), 0, 1)
-    return np.asarray(ramp * ramp * (3 - 2 * ramp))
-
-
-def _pixels_at(picture: NDArray[np.uint8], x: Image, y: Image) -> Image:
-    """Linear values (..., 3) of the pixels at positions in a picture, each -1 to 1."""
-    height, width = picture.shape[:2]
-    index = _pixel_index(y, height, -1) * width + _pixel_index(x, width, 1)
-    return np.asarray(SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0)))
+    # at about the map's resolution, so that single pixels may be taken from it
+    picture = Picture.fromarray(photo).resize((width, rows), Picture.Resampling.HAMMING, reducing_gap=1.0)
+    return PhotoProjection(*window, height, np.asarray(picture), camera, column_blocks(height, strip))
 
 
 def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Floats]:
@@ -287,8 +263,8 @@ def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, 
         pixels: (H, W, 3) sRGB.
         lighting: with the photo's camera.
     """
-    small = _few_pixels(pixels)
-    return SRGB_LINEAR.take(small), _sample_directions(photo_camera(lighting, small.shape[1], small.shape[0]))
+    colors, camera = _few_pixels(pixels, lighting)
+    return colors, _sample_directions(camera)
 
 
 def sample_cells(pixels: NDArray[np.uint8], lighting: Lighting, rows: int) -> tuple[Image, NDArray[np.intp]]:
@@ -299,14 +275,16 @@ def sample_cells(pixels: NDArray[np.uint8], lighting: Lighting, rows: int) -> tu
         lighting: with the photo's camera.
         rows: of the cells; a cell is told by row x 2 rows + column.
     """
-    small = _few_pixels(pixels)
-    return SRGB_LINEAR.take(small), _cells_of_samples(photo_camera(lighting, small.shape[1], small.shape[0]), rows)
+    colors, camera = _few_pixels(pixels, lighting)
+    return colors, _cells_of_samples(camera, rows)
 
 
-def _few_pixels(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _few_pixels(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Pinhole]:
+    """The linear values (h, w, 3) of the pixels that are sampled, and the camera that saw them alone."""
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED_SIDE))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]
-    return pixels[first[0] :: step, first[1] :: step]
+    small = pixels[first[0] :: step, first[1] :: step]
+    return SRGB_LINEAR.take(small), photo_camera(lighting, small.shape[1], small.shape[0])
 
 
 @lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are sampled one after the other
@@ -339,13 +317,6 @@ def size_in_envmap(camera: Pinhole, height: int) -> tuple[int, int]:
     return geometry.scale_size(camera.width, camera.height, scale)
 
 
-def _resize_photo(photo: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """The photo at about the map's resolution, so that single pixels may be taken from it."""
-    from PIL import Image as Picture
-
-    return np.asarray(Picture.fromarray(photo).resize(size, Picture.Resampling.HAMMING, reducing_gap=1.0))
-
-
 def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:
     """Where the map's pixels lie in the picture, each way -1 to 1 inside it; 2 behind the camera.
 
@@ -363,11 +334,6 @@ def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -
     x, y = right / depth * (focal / camera.width), above / depth * (focal / camera.height)
     x[behind] = y[behind] = 2
     return x, y
-
-
-def _pixel_index(position: Image, count: int, sign: int) -> NDArray[np.intp]:
-    """Index of the pixel at a position of -1 to 1; `sign` -1 counts from the other end."""
-    return np.asarray(np.clip((sign * position + 1) * np.float32(count / 2), 0, count - 1), dtype=np.intp)
 
 
 def extrapolate_edges(
@@ -422,8 +388,8 @@ def _photo_ratios(
 def _spread_ratios(values: Image, visible: NDArray[np.bool_], rows: int, part: slice) -> Image:
     """Values (P, 2R, 3) of a part of a map's rows, spread from the cells (P, 2R) that the photo shows to all others."""
     row, column = np.nonzero(visible)
-    turn = _column_turns(rows).take(column, axis=1)
-    elevation = np.asarray(latlong_angles(rows)[1], dtype=np.float32)
+    azimuth, elevation = (np.asarray(angle, dtype=np.float32) for angle in latlong_angles(rows))
+    turn = np.asarray(wrap_azimuth(azimuth[:, None] - azimuth[column]), dtype=np.float32)
     beside2 = (np.cos(np.radians(elevation[part]))[:, None, None] * turn) ** 2  # (P, 2R, K)
     above2 = (elevation[part][:, None, None] - elevation[part][row]) ** 2
     distance2 = np.float32(_NEAR_DEG**2) + beside2 + np.float32(_VERTICAL_STRETCH**2) * above2
@@ -431,12 +397,3 @@ def _spread_ratios(values: Image, visible: NDArray[np.bool_], rows: int, part: s
     mean = weight @ values[visible] / weight.sum(axis=2, keepdims=True)
     fading = np.exp(-np.sqrt((beside2 + 4 * above2).min(axis=2)) / np.float32(_FADE_DEG))
     return np.where(visible[..., None], values, fading[..., None] * mean).astype(np.float32)
-
-
-@lru_cache(maxsize=1)
-def _column_turns(rows: int) -> Image:
-    """The turns [deg] (2R, 2R) from each column of a map to each, to be read alone."""
-    azimuth = np.asarray(latlong_angles(rows)[0], dtype=np.float32)
-    turns = np.asarray(wrap_azimuth(azimuth[:, None] - azimuth), dtype=np.float32)
-    turns.setflags(write=False)
-    return turns

@@ -100,9 +100,7 @@ def read_ground_shade(
     height, width = small.shape[:2]
     direct = float(luminance(sun_light(lighting)[0])) * max(float(lighting.sun_direction[1]), 0.0)
     sky = float(luminance(sky_irradiance(lighting)))
-    step = float(
-        np.log2(1 + direct / max(sky, EPSILON_IRRADIANCE))
-    )  # stops between sunlit and shaded ground
+    step = float(np.log2(1 + direct / max(sky, EPSILON_IRRADIANCE)))  # stops between sunlit and shaded ground
     white = float(np.log2(max(sky + direct, EPSILON_IRRADIANCE) / np.pi))  # of a level white surface in the sun
     stops = _log_luminance(small)
     rays = camera_directions(photo_camera(lighting, stops.shape[1], stops.shape[0]))

@@ -341,15 +341,10 @@ def _check_context(thing: object) -> None:
 
 def _context_factors(image: Image, lighting: Lighting, context: PhotoContext) -> Image:
     """Factors (_CELL_ROWS, 2 _CELL_ROWS, 3) on the cells of the bare map; what is finer stays."""
-    if context.light is None or context.light == lighting or _have_same_sky(context.light, lighting):
+    names = "sun_azimuth", "sun_elevation", "turbidity", "sky_cover", "map_sky"  # which shape the sky
+    if context.light is None or all(getattr(context.light, name) == getattr(lighting, name) for name in names):
         return _surroundings_factors(_pool_cells(image), lighting, context)
     return _move_glow(surroundings_gain(context.light, context), context.light, lighting)
-
-
-def _have_same_sky(one: Lighting, other: Lighting) -> bool:
-    """Whether the gradation of two lights' skies is the same."""
-    names = "sun_azimuth", "sun_elevation", "turbidity", "sky_cover", "map_sky"
-    return all(getattr(one, name) == getattr(other, name) for name in names)
 
 
 def _move_glow(factors: Image, before: Lighting, now: Lighting) -> Image:
@@ -390,14 +385,13 @@ def _pool_cells(image: Image) -> Image:
 
 
 def _panorama_ratio(panorama: Image, bare: Image) -> Image:
-    """A coarse panorama (R, 2R, 3) over the same cells of the bare map, with less contrast."""
+    """A coarse panorama (R, 2R, 3) over the same cells of the bare map, with less contrast.
+
+    Each half is drawn to its geometric mean, above the horizon in brightness alone.
+    """
     rows, step = len(panorama), _CELL_ROWS // len(panorama)
     pooled = bare.reshape(rows, step, 2 * rows, step, 3).mean(axis=(1, 3))
-    return _reduce_contrast(np.clip(panorama / np.maximum(pooled, np.float32(EPSILON_IRRADIANCE)), *CELL_RATIO_RANGE))
-
-
-def _reduce_contrast(ratio: Image) -> Image:
-    """Ratios (R, 2R, 3) drawn to their geometric mean in each half: above the horizon in brightness alone."""
+    ratio = np.clip(panorama / np.maximum(pooled, np.float32(EPSILON_IRRADIANCE)), *CELL_RATIO_RANGE)
     sky, ground = np.split(np.log(ratio), 2)
     gray = np.log(ratio[: len(sky)] @ LUMINANCE_WEIGHTS)[..., None]
     sky -= np.float32(1 - _CONTRAST) * (gray - gray.mean())
