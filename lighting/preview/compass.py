@@ -12,15 +12,6 @@ from PIL import Image
 from lighting.geometry import Floats, angles, camera_axes, direction
 from lighting.prediction import EstimatedLight, SunDistribution
 from lighting.preview import drawing
-from lighting.preview.drawing import (
-    TEXT,
-    WHITE,
-    TextStyle,
-    draw_lines,
-    draw_suns,
-    draw_text,
-    draw_text_inside,
-)
 from lighting.records import Lighting
 from lighting.sun_grid import grid_directions, row_blocks
 
@@ -48,7 +39,7 @@ def draw_regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Flo
         spot = pixels(rim[180]) + 14 * outwards
         labels.append((share, _avoid_overlap([other for _, other in labels], spot, outwards)))
     for share, spot in labels:
-        draw_text_inside(picture, spot, share, _SHARE_LETTERS, color)
+        drawing.draw_text_inside(picture, spot, share, _SHARE_LETTERS, color)
 
 
 def _avoid_overlap(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
@@ -121,11 +112,12 @@ def draw_compass(estimate: EstimatedLight, aspect: float, size: int) -> Image.Im
     sideways, _, along = np.abs(lighting.sun_direction)
     _draw_rings(panel, radius)
     view = dome_pixels(frame_directions(lighting, aspect), size, radius)
-    drawing.draw_polygon(panel, view, WHITE, 0.10)
-    draw_lines(panel, [view], WHITE, 1.5, 0.6)
+    drawing.draw_polygon(panel, view, drawing.WHITE, 0.10)
+    drawing.draw_lines(panel, [view], drawing.WHITE, 1.5, 0.6)
     draw_regions(panel, lighting, lambda d: dome_pixels(d, size, radius))
     _write_degrees(panel, radius, across=bool(sideways < along))
-    draw_suns(panel, dome_pixels(lighting.sun_direction[None], size, radius), drawing.sun_mark_color(lighting), 8)
+    sun = dome_pixels(lighting.sun_direction[None], size, radius)
+    drawing.draw_suns(panel, sun, drawing.sun_mark_color(lighting), 8)
     return panel
 
 
@@ -162,12 +154,12 @@ def _draw_rings(panel: Image.Image, radius: float) -> None:
     spokes = [np.array([[center - radius, center], [center + radius, center]])]
     spokes.append(spokes[0][:, ::-1])
     rings = [_ring_pixels(center, radius * (90 - elevation) / 90) for elevation in _RINGS]
-    draw_lines(panel, spokes + rings, WHITE, 1, 0.22)
-    draw_lines(panel, [_ring_pixels(center, radius)], drawing.LINE, 2, 1.0)
-    draw_text(panel, (center, 16), "front", TextStyle(18, TEXT, anchor="mm"))
+    drawing.draw_lines(panel, spokes + rings, drawing.WHITE, 1, 0.22)
+    drawing.draw_lines(panel, [_ring_pixels(center, radius)], drawing.LINE, 2, 1.0)
+    drawing.draw_text(panel, (center, 16), "front", drawing.TextStyle(18, drawing.TEXT, anchor="mm"))
     far = panel.width - 22.0
     for spot, word in (((center, panel.height - 16), "behind"), ((22.0, center), "left"), ((far, center), "right")):
-        draw_text(panel, spot, word, TextStyle(18, drawing.MUTED, anchor="mm"))
+        drawing.draw_text(panel, spot, word, drawing.TextStyle(18, drawing.MUTED, anchor="mm"))
 
 
 def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
@@ -179,7 +171,7 @@ def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
     for elevation in _RINGS:
         out = center + radius * (90 - elevation) / 90
         spot = (out + 6, center - 3) if across else (center + 6, out - 3)
-        draw_text(panel, spot, f"{elevation}°", TextStyle(15, TEXT, anchor="ls", shaded=True))
+        drawing.draw_text(panel, spot, f"{elevation}°", drawing.TextStyle(15, drawing.TEXT, anchor="ls", shaded=True))
 
 
 def _ring_pixels(center: float, radius: float) -> Floats:

@@ -122,9 +122,7 @@ def draw_preview_pixels(
     aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
     plan = _lay_out(aspect, len(numbers), len(_note_lines(lighting)))
     compass = draw_compass(estimate, aspect, plan.compass.width)
-    centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
-    scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
-    photo_scene = scene if lighting.sun_irradiance is not None and lighting.spot_pixel is not None else None
+    scene, photo_scene = _sphere_scenes(envmap, lighting, plan.spheres)
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     photo_text = _format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
     canvas = Image.new("RGB", (PREVIEW_WIDTH, plan.height), BACKGROUND)
@@ -171,9 +169,7 @@ def draw_candidates_pixels(
     for number, (sun, (light, envmap)) in enumerate(zip(suns, views, strict=True)):
         left = _MARGIN + number * (width + _GAP)
         box, spheres = _Box(left, top, width, height), _Box(left, below, width, width // 2)
-        centers = sphere_centers(spheres.width / spheres.height, limit_pitch(light))
-        scene = build_sphere_scene(check_envmap(envmap), light.sun_direction, centers)
-        in_photo = scene if light.sun_irradiance is not None and light.spot_pixel is not None else None
+        scene, in_photo = _sphere_scenes(check_envmap(envmap), light, spheres)
         where = f"{format_azimuth(sun.azimuth)}, {format_sun_elevation(sun.elevation)}"
         caption = f"--pick {number + 1}: {where} ({100 * sun.probability:.0f} %)"
         size = _fit_text_size(caption, _LETTERS + 2, width)
@@ -184,6 +180,15 @@ def draw_candidates_pixels(
         ):
             canvas.paste(panel, (place.x, place.y), rounded_mask(panel.size, 10))
     return np.asarray(canvas)
+
+
+def _sphere_scenes(
+    envmap: NDArray[np.float32], lighting: Lighting, box: _Box
+) -> tuple[SphereScene, SphereScene | None]:
+    """The spheres of a panel, and those that stand in the photo; None: none do."""
+    centers = sphere_centers(box.width / box.height, limit_pitch(lighting))
+    scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
+    return scene, scene if lighting.sun_irradiance is not None and lighting.spot_pixel is not None else None
 
 
 def _spheres_panel(scene: SphereScene, lighting: Lighting, box: _Box) -> Image.Image:
@@ -248,24 +253,18 @@ def _format_short(value: float) -> str:
     return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
 
 
-def _format_radii(lighting: Lighting) -> str:
-    """The radii around the sun; one that was stated by hand has none."""
-    if not lighting.radius_90:
-        return "by hand"
-    return f"{_format_short(lighting.radius_50)}° / {_format_short(lighting.radius_90)}°"
-
-
 def _format_short_azimuth(azimuth: float) -> str:
     """An azimuth [deg] for a column of numbers: "ahead", "behind" or "41° left"."""
     return {0: "ahead", 180: "behind"}.get(round(abs(azimuth)), format_side(azimuth))
 
 
 def _format_numbers(lighting: Lighting) -> list[tuple[str, str]]:
-    """Names and values of the record, in words."""
+    """Names and values of the record, in words; a sun that was set by hand has no radii."""
+    radii = f"{_format_short(lighting.radius_50)}° / {_format_short(lighting.radius_90)}°"
     return [
         ("Sun azimuth", _format_short_azimuth(lighting.sun_azimuth)),
         ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
-        ("50 % / 90 % within", _format_radii(lighting)),
+        ("50 % / 90 % within", radii if lighting.radius_90 else "by hand"),
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
         ("Turbidity", f"{lighting.turbidity:.1f}"),
         ("Exposure", f"{lighting.exposure:.3g}"),
@@ -343,22 +342,15 @@ def _format_photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
         width: of the panel, in pixels.
         balls: whether it draws them.
     """
-    horizon = ["its horizon"] if _shows_horizon(camera) else []
-    if not balls:
-        return _join_caption(horizon)
-    long, short = (_join_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
-    return long if drawing.text_width(long, _LETTERS) <= width else short
-
-
-def _join_caption(contents: list[str]) -> str:
-    return f"Photo, with {' and '.join(contents)}" if contents else "Photo"
-
-
-def _shows_horizon(camera: Pinhole) -> bool:
     x, y = drawing.horizon_pixels(camera).T
     order = np.argsort(x)
     edges = np.interp([0.0, camera.width], x[order], y[order]) if len(x) else np.array([np.inf])
-    return bool(edges.min() < camera.height and edges.max() > 0)
+    shown = ["its horizon"] if edges.min() < camera.height and edges.max() > 0 else []
+    if not balls:
+        return f"Photo, with {shown[0]}" if shown else "Photo"
+    text = f"Photo, with {' and '.join([*shown, 'three balls'])}"
+    long = f"{text} in its light"
+    return long if text_width(long, _LETTERS) <= width else text
 
 
 def _draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: _Box) -> Image.Image:

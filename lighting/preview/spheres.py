@@ -88,8 +88,8 @@ class SphereScene:
     """The map (H, 2H, 3) without the sun's disc."""
     coarse_sky: NDArray[np.float32]
     """The same in few pixels."""
-    glossy_sky: NDArray[np.float32]
-    """The same, blurred by the glossy lobe."""
+    glossy_sky: LatlongSampler
+    """Of the same, blurred by the glossy lobe."""
     sun_direction: Floats
     """Sun direction, (3,)."""
     sun_irradiance: Floats
@@ -100,8 +100,8 @@ class SphereScene:
     """(3,) the part of it that the sky lights."""
     albedo: Floats
     """(3,) of the ground."""
-    diffuse_irradiance: Floats
-    """(h, 2h, 3) of the diffuse sphere by all but the sun, by its normals."""
+    diffuse_irradiance: LatlongSampler
+    """Of irradiance (h, 2h, 3) of the diffuse sphere by all but the sun, by its normals."""
     exchange: tuple[Floats, ...]
     """(h, 2h, 3) of each sphere with the ground, by direction; empty before a bounce."""
 
@@ -109,16 +109,6 @@ class SphereScene:
     def sample_sky(self) -> LatlongSampler:
         """Of `sky`."""
         return LatlongSampler(self.sky)
-
-    @cached_property
-    def sample_glossy_sky(self) -> LatlongSampler:
-        """Of `glossy_sky`."""
-        return LatlongSampler(self.glossy_sky)
-
-    @cached_property
-    def sample_diffuse_irradiance(self) -> LatlongSampler:
-        """Of `diffuse_irradiance`."""
-        return LatlongSampler(self.diffuse_irradiance)
 
     @cached_property
     def sample_exchange(self) -> list[LatlongSampler]:
@@ -144,26 +134,11 @@ def render_spheres(
         lighting: where the sun is, and the camera's elevation.
         width: pixels.
         height: pixels.
-        supersampling: rays per pixel and side.
+        supersampling: rays per pixel and side, where neighbouring pixels differ; else one.
         centers: (3, 3) of the spheres from the camera, on one level; None for those of `sphere_centers`.
     """
     centers = sphere_centers(width / height, limit_pitch(lighting)) if centers is None else centers
     scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
-    return render_sphere_scene(scene, lighting, width, height, supersampling)
-
-
-def render_sphere_scene(
-    scene: SphereScene, lighting: Lighting, width: int, height: int, supersampling: int = 2
-) -> NDArray[np.float32]:
-    """The linear picture (supersampling x height, supersampling x width, 3) of a scene.
-
-    Args:
-        scene: the spheres and their light.
-        lighting: the camera's elevation.
-        width: pixels.
-        height: pixels.
-        supersampling: rays per pixel and side, where neighbouring pixels differ; else one.
-    """
     even, uneven, fine = _sample_scene(scene, lighting, width, height, supersampling)
     blocks = np.empty((height, width, supersampling, supersampling, 3), dtype=np.float32)
     blocks[:] = even[:, :, None, None]
@@ -193,15 +168,9 @@ def _sample_scene(
     camera = Pinhole(width, height, VERTICAL_FOV, elevation=limit_pitch(lighting))
     even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
     uneven = _is_uneven(even) if parts > 1 else np.zeros((height, width), dtype=bool)
-    return even, uneven, _trace_rays(_fine_rays(camera, uneven, parts), scene)
-
-
-def _fine_rays(camera: Pinhole, pixels: NDArray[np.bool_], parts: int) -> NDArray[np.float32]:
-    """Rays (N, parts, parts, 3) through the N chosen ones (H, W) of a camera's pixels."""
-    step = (np.arange(parts) + 0.5) / parts
-    row, column = np.nonzero(pixels)
+    step, (row, column) = (np.arange(parts) + 0.5) / parts, np.nonzero(uneven)
     x, y = column[:, None, None] + step, row[:, None, None] + step[:, None]
-    return geometry.pixel_directions(camera, x, y).astype(np.float32)
+    return even, uneven, _trace_rays(geometry.pixel_directions(camera, x, y).astype(np.float32), scene)
 
 
 def _trace_rays(rays: NDArray[np.float32], scene: SphereScene) -> NDArray[np.float32]:
@@ -280,29 +249,25 @@ def build_sphere_scene(envmap: NDArray[np.float32], sun: Floats, centers: Floats
         centers=centers.astype(np.float32),
         sky=sky,
         coarse_sky=coarse,
-        glossy_sky=blur_envmap(coarse, GLOSSINESS),
+        glossy_sky=LatlongSampler(blur_envmap(coarse, GLOSSINESS)),
         sun_direction=sun,
         sun_irradiance=sun_irradiance,
         ground=ground,
         ground_sky=albedo * overhead / np.pi,
         albedo=albedo,
-        diffuse_irradiance=envmap_irradiance(_scale_ground(coarse, 0.0), geometry.latlong_directions(_NORMAL_ROWS)),
+        diffuse_irradiance=LatlongSampler(
+            envmap_irradiance(_scale_ground(coarse, 0.0), geometry.latlong_directions(_NORMAL_ROWS))
+        ),
         exchange=(),
     )
     return _add_bounces(scene, _BOUNCES)
 
 
-def _dim_sun(scene: SphereScene, share: float) -> SphereScene:
-    """The same scene where less of the sun reaches the spheres and the ground.
-
-    Args:
-        scene: the spheres in full sunlight.
-        share: of the sun that is left, 0 to 1.
-    """
-    ground = scene.ground_sky + share * (scene.ground - scene.ground_sky)
-    coarse = _scale_ground(scene.coarse_sky, ground / np.maximum(scene.ground, _EPSILON))
-    glossy, sun = blur_envmap(coarse, GLOSSINESS), share * scene.sun_irradiance
-    dimmed = replace(scene, coarse_sky=coarse, glossy_sky=glossy, sun_irradiance=sun, ground=ground)
+def _without_sun(scene: SphereScene) -> SphereScene:
+    """The same scene where the sun reaches neither the spheres nor the ground."""
+    coarse = _scale_ground(scene.coarse_sky, scene.ground_sky / np.maximum(scene.ground, _EPSILON))
+    glossy = LatlongSampler(blur_envmap(coarse, GLOSSINESS))
+    dimmed = replace(scene, coarse_sky=coarse, glossy_sky=glossy, sun_irradiance=np.zeros(3), ground=scene.ground_sky)
     return _add_bounces(dimmed, _BOUNCES_DIMMED)
 
 
@@ -316,26 +281,18 @@ def _scale_ground(image: NDArray[np.float32], gain: Floats | float) -> NDArray[n
 def _add_bounces(scene: SphereScene, bounces: Sequence[int]) -> SphereScene:
     """The scene with the light that its spheres and its ground send to each other, of one coarseness for each time."""
     for coarseness in bounces:
-        rays = [_rays_to_sphere(kind, scene, coarseness) for kind in range(len(scene.centers))]
-        scene = replace(scene, exchange=tuple(_exchange(kind, to_it, scene) for kind, to_it in enumerate(rays)))
+        exchange = tuple(_exchange(kind, scene, coarseness) for kind in range(len(scene.centers)))
+        scene = replace(scene, exchange=exchange)
         scene = replace(scene, diffuse_irradiance=_diffuse_irradiance(scene, coarseness))
     return scene
 
 
-@dataclass(frozen=True, eq=False)
-class _RaysToSphere:
-    """Rays from N points on the ground to a sphere, R each, which stay the same whatever the light."""
+def _exchange(kind: int, scene: SphereScene, coarseness: int) -> Floats:
+    """Mean radiance (h, 2h, 3) that the ground receives from a sphere minus that of the sky behind it, by direction.
 
-    rows: int  # of the table that they fill, of `SphereScene.exchange`
-    rays: Floats  # (N R, 3)
-    hits: Floats  # (N R, 3) points on the sphere
-    unobstructed: NDArray[np.bool_]  # (N R,) whether no other sphere lies before this one
-    background: Floats  # (N R, 3) radiance of the sky behind
-    weight: Floats  # (N, R) of a mean over what the rays light
-
-
-def _rays_to_sphere(kind: int, scene: SphereScene, coarseness: int) -> _RaysToSphere:
-    """A ground point sees the center in one direction; the sphere then fills a cone that touches the horizon."""
+    The mean is weighted with the ground's cosine. Where another sphere lies before this one, it is left out. A ground
+    point sees the center in one direction; the sphere then fills a cone that touches the horizon.
+    """
     rows = _EXCHANGE_ROWS // coarseness
     to_center = geometry.latlong_directions(rows)[: rows // 2].reshape(-1, 3)
     cones, weight = (part.astype(np.float32) for part in _cones(to_center, _RINGS // coarseness, _SPOKES // coarseness))
@@ -344,8 +301,10 @@ def _rays_to_sphere(kind: int, scene: SphereScene, coarseness: int) -> _RaysToSp
     points = np.repeat(feet, cones.shape[1], axis=0)
     distances = [ray_sphere(points, rays, center) for center in scene.centers]
     unobstructed = np.all([distances[kind] <= distance for distance in distances], axis=0)
-    hits = points + rays * distances[kind][:, None]
-    return _RaysToSphere(rows, rays, hits, unobstructed, sample_latlong(scene.coarse_sky, rays), weight)
+    radiance = _shade_sphere(kind, points + rays * distances[kind][:, None], rays, scene, mirrored=True)
+    radiance = np.where(unobstructed[:, None], radiance - sample_latlong(scene.coarse_sky, rays), 0.0)
+    upper = (weight[:, None] @ radiance.reshape(*weight.shape, 3))[:, 0].reshape(rows // 2, -1, 3)
+    return np.concatenate([upper, upper[::-1]])
 
 
 def _cones(axes: Floats, rings: int, spokes: int) -> tuple[Floats, Floats]:
@@ -361,20 +320,8 @@ def _cones(axes: Floats, rings: int, spokes: int) -> tuple[Floats, Floats]:
     return rays.reshape(len(axes), -1, 3), weight / weight.sum(axis=1, keepdims=True)
 
 
-def _exchange(kind: int, paths: _RaysToSphere, scene: SphereScene) -> Floats:
-    """Mean radiance (h, 2h, 3) that the ground receives from a sphere minus that of the sky behind it, by direction.
-
-    The mean is weighted with the ground's cosine. Where another sphere lies before this one, it is left out.
-    """
-    radiance = _shade_sphere(kind, paths.hits, paths.rays, scene, mirrored=True)
-    radiance = np.where(paths.unobstructed[:, None], radiance - paths.background, 0.0)
-    upper = (paths.weight[:, None] @ radiance.reshape(*paths.weight.shape, 3))[:, 0]
-    upper = upper.reshape(paths.rows // 2, -1, 3)
-    return np.concatenate([upper, upper[::-1]])
-
-
-def _diffuse_irradiance(scene: SphereScene, coarseness: int) -> Floats:
-    """Irradiance (h, 2h, 3) of the diffuse sphere by a coarse sky, ground and other spheres, by its normals."""
+def _diffuse_irradiance(scene: SphereScene, coarseness: int) -> LatlongSampler:
+    """Of irradiance (h, 2h, 3) of the diffuse sphere by a coarse sky, ground and other spheres, by its normals."""
     rows = _NORMAL_ROWS // coarseness
     scene = replace(scene, sky=shrink_envmap(scene.sky, _INCOMING_ROWS))
     rays = geometry.latlong_directions(_INCOMING_ROWS).reshape(-1, 3)
@@ -386,7 +333,7 @@ def _diffuse_irradiance(scene: SphereScene, coarseness: int) -> Floats:
     points = (scene.centers[DIFFUSE] + normals).astype(np.float32)
     radiance[normal, ray] = _trace(points[normal], rays.astype(np.float32)[ray], scene, DIFFUSE, disc_radius=None)
     total = (weight[:, None] @ radiance)[:, 0] * np.pi / weight.sum(axis=1, keepdims=True)
-    return np.asarray(total.reshape(rows, -1, 3))
+    return LatlongSampler(total.reshape(rows, -1, 3))
 
 
 # Radiance along rays.
@@ -506,14 +453,15 @@ def _shade_sphere(kind: int, points: Floats, rays: Floats, scene: SphereScene, *
         incoming = _blurred_surroundings(points, reflected, scene)
         return _shade_glossy(incoming, points, reflected, scene, kind, _MIRRORED_GLOSSINESS)
     if kind == GLOSSY:
-        incoming = scene.sample_glossy_sky(reflected) * _contact(normals)
+        shade = _FOOT_SHADE * np.maximum(-normals[:, 1:2], 0) ** 2  # of a sphere's foot, by itself
+        incoming = scene.glossy_sky(reflected) * (1 - shade)
         return _shade_glossy(incoming, points, reflected, scene, kind, GLOSSINESS)
     return MIRROR_REFLECTANCE * _trace(points, reflected, scene, kind, _MIRROR_SUN_RADIUS)
 
 
 def _blurred_surroundings(points: Floats, rays: Floats, scene: SphereScene) -> Floats:
     """Radiance (N, 3) of blurred sky, sharp ground and the diffuse sphere along rays (N, 3) from points (N, 3)."""
-    radiance = scene.sample_glossy_sky(rays).astype(rays.dtype)
+    radiance = scene.glossy_sky(rays).astype(rays.dtype)
     down = rays[:, 1] < _LEVEL
     radiance[down] = _ground_along(points[down], rays[down], scene)
     distance = ray_sphere(points, rays, scene.centers[DIFFUSE])
@@ -528,7 +476,7 @@ def _shade_diffuse(points: Floats, normals: Floats, scene: SphereScene) -> Float
     cosine = np.maximum(normals @ scene.sun_direction.astype(points.dtype), 0)
     lit = cosine * _visible_sun_share(points, scene, DIFFUSE)
     direct = lit[:, None] * scene.sun_irradiance.astype(points.dtype)
-    indirect = scene.sample_diffuse_irradiance(normals).astype(points.dtype)
+    indirect = scene.diffuse_irradiance(normals).astype(points.dtype)
     return np.asarray(DIFFUSE_REFLECTANCE / np.pi * (direct + indirect))
 
 
@@ -540,12 +488,6 @@ def _shade_glossy(
     lobe = glossiness / (2 * np.pi) * np.exp(glossiness * (cosine - 1)) * _visible_sun_share(points, scene, kind)
     sun = lobe[:, None] * scene.sun_irradiance.astype(points.dtype)
     return np.asarray(GLOSSY_REFLECTANCE * (incoming + sun))
-
-
-def _contact(normals: Floats) -> Floats:
-    """Share (N, 1) of the surrounding light that reaches a sphere, whose foot stands in its own shade."""
-    downward = np.maximum(-normals[:, 1:2], 0)
-    return np.asarray(1 - _FOOT_SHADE * downward**2)
 
 
 # The spheres in the photo.
@@ -576,13 +518,15 @@ def insert_balls(
     shade = read_ground_shade(pixels, lighting, sun=photo_sun, segments=segments)
     lit, own = shade.lit, shade.shaded_light
     in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
-    standing = _dim_sun(moved, 0.0) if in_shade else moved
+    standing = _without_sun(moved) if in_shade else moved
     points, near = _coarse_ground_points(camera, moved)
     exchanging = replace(moved, exchange=standing.exchange)
     exchanging = exchanging if own is None else _shade_as(exchanging, own)
     lit = np.zeros_like(lit) if in_shade else lit  # as the ground at their feet
     windows = _ball_windows(camera, centers)
-    rows = _changed_rows(near, [window[0] for window in windows.values()], camera.height)
+    ground = geometry.pixel_window(near, camera.height, near.shape[1])
+    changed = [window[0] for window in (*windows.values(), ground) if window is not None]
+    rows = slice(min((part.start for part in changed), default=0), max((part.stop for part in changed), default=0))
     linear = SRGB_LINEAR.take(pixels[rows])
     left = _remaining_light(lit, camera, exchanging, points, near, rows, casts_shadow=not in_shade)
     linear *= _on_ground(left, segments, _contact_share(points, near, moved), camera, rows)
@@ -605,13 +549,6 @@ def _ball_windows(camera: Pinhole, centers: Floats) -> dict[int, tuple[slice, sl
             if all(part.start < part.stop for part in window):
                 windows[kind] = window
     return windows
-
-
-def _changed_rows(near: NDArray[np.bool_], balls: Sequence[slice], height: int) -> slice:
-    """The rows of the picture, of some height, in which anything changes: balls, and ground in cells `near` (H, W)."""
-    ground = geometry.pixel_window(near, height, near.shape[1])
-    parts = [*balls, *([] if ground is None else [ground[0]])]
-    return slice(min((part.start for part in parts), default=0), max((part.stop for part in parts), default=0))
 
 
 def _shade_as(scene: SphereScene, share: float) -> SphereScene:

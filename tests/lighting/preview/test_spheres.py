@@ -292,7 +292,7 @@ def test_fewer_rays_on_even_ground_and_sky_cannot_be_seen(azimuth: float, elevat
     scene = build_sphere_scene(render(lighting, 256), lighting.sun_direction, centers)
     fine = Pinhole(2 * WIDTH, 2 * HEIGHT, spheres.VERTICAL_FOV, elevation=PITCH)
     every = spheres._trace_rays(camera_directions(fine).astype(np.float32), scene)
-    some = spheres.render_sphere_scene(scene, lighting, WIDTH, HEIGHT, supersampling=2)
+    some = render_spheres(render(lighting, 256), lighting, WIDTH, HEIGHT, supersampling=2, centers=centers)
     before, after = (
         255 * srgb_encode(np.clip(picture, 0, 1)).reshape(HEIGHT, 2, WIDTH, 2, 3).mean(axis=(1, 3))
         for picture in (every, some)
