@@ -413,7 +413,7 @@ def test_the_shares_of_regions_do_not_cover_each_other(
 ) -> None:
     written: dict[str, NDArray[np.float64]] = {}
     monkeypatch.setattr(
-        "lighting.preview.compass.draw_text_inside",
+        "lighting.preview.drawing.draw_text_inside",
         lambda picture, spot, share, size, color: written.__setitem__(share, np.asarray(spot)),  # noqa: ARG005
     )
     lighting = replace(outdoors(azimuth, elevation), radius_50=radii[0], radius_90=radii[1])
