@@ -171,7 +171,7 @@ class PhotoProjection:
         if len(self.blocks) > 1:
             return self._pixels(slice(top, bottom), slice(left, right))
         if (top, bottom) not in self._parts:
-            part, whole = slice(top - self.rows.start, bottom - self.rows.start), self._whole
+            part, whole = slice(top - self.rows.start, bottom - self.rows.start), self.whole
             kept = replace(whole, rows=slice(top, bottom), linear=whole.linear[part], weight=whole.weight[part])
             self._parts[top, bottom] = kept
         return self._parts[top, bottom]
@@ -197,8 +197,8 @@ class PhotoProjection:
         return {}
 
     @cached_property
-    def _whole(self) -> ProjectedPhoto:
-        """Of a small map: all its pixels at once."""
+    def whole(self) -> ProjectedPhoto:
+        """All its pixels at once, as in a small map."""
         return self._pixels(self.rows, self.columns)
 
     def _pixels(self, rows: slice, columns: slice) -> ProjectedPhoto:

@@ -6,7 +6,7 @@ So they do where a clip's file says UTC and its camera may have written local ti
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
@@ -70,18 +70,6 @@ class _ClockConflict:
     readings: tuple[str, str] = ("the camera's clock", "the camera's clock")
     """What the sentence calls the clock of the file, and that of the place's zone."""
 
-    def warn(self, used: Instant, probability: float) -> CodedWarning | None:
-        """Return the warning that says what was used; None where clock and GPS agree on it.
-
-        Args:
-            used: the instant that was chosen.
-            probability: 0 to 1, of that instant with the pixels.
-        """
-        if used.clock == self.agreed and probability >= self.sure:
-            return None
-        chosen = "the GPS time" if used.clock == GPS else self.readings[used.clock != "file"]
-        return CodedWarning(f"{self.sentence}: {chosen} was used.", WarningCode.CLOCK_CONTRADICTED)
-
 
 @dataclass(frozen=True)
 class PhotoInstants:
@@ -100,14 +88,17 @@ class PhotoInstants:
         return max(self.instants, key=lambda instant: instant.weight, default=None)
 
     def conflict_warnings(self, used: Instant | None, probability: float = 0.0) -> tuple[str, ...]:
-        """Return the warning of clocks that contradict each other, if they do.
+        """Return the warning of clocks that contradict each other, which says what was used, if they do.
 
         Args:
             used: the instant that was chosen.
             probability: 0 to 1, of that instant with the pixels.
         """
-        warning = None if self.conflict is None or used is None else self.conflict.warn(used, probability)
-        return () if warning is None else (warning,)
+        conflict = self.conflict
+        if conflict is None or used is None or (used.clock == conflict.agreed and probability >= conflict.sure):
+            return ()
+        chosen = "the GPS time" if used.clock == GPS else conflict.readings[used.clock != "file"]
+        return (CodedWarning(f"{conflict.sentence}: {chosen} was used.", WarningCode.CLOCK_CONTRADICTED),)
 
 
 def resolve_instants(
@@ -139,7 +130,9 @@ def _resolve_instants(metadata: PhotoMetadata, user_input: UserInput, shared_off
     if metadata.gps_time is None:
         return PhotoInstants(clock, _utc_doubt(metadata, clock))
     if metadata.local_time is None:
-        return _instants_of_gps(metadata, metadata.gps_time)
+        if _is_epoch(metadata.gps_time):
+            return _without_time(_NO_FIX)
+        return PhotoInstants((_gps_instant(metadata, metadata.gps_time),))
     return _reconcile(metadata, clock, metadata.gps_time, metadata.local_time)
 
 
@@ -204,13 +197,6 @@ def _utc_doubt(metadata: PhotoMetadata, clock: tuple[Instant, ...]) -> _ClockCon
     return _ClockConflict(sentence, "file", _PLAIN, ("UTC", "local time"))
 
 
-def _instants_of_gps(metadata: PhotoMetadata, gps_time: datetime) -> PhotoInstants:
-    """The instant of GPS alone."""
-    if _is_epoch(gps_time):
-        return _without_time(_NO_FIX)
-    return PhotoInstants((_gps_instant(metadata, gps_time),))
-
-
 def _gps_instant(metadata: PhotoMetadata, gps_time: datetime, weight: float = 1.0) -> Instant:
     offset = None if metadata.location is None else offset_at(*metadata.location, gps_time)
     return Instant(gps_time, offset, GPS, weight, GPS)
@@ -272,18 +258,14 @@ def _believed_together(metadata: PhotoMetadata, agreeing: tuple[Instant, ...], g
     zones = _instants_in_zones(metadata)
     if metadata.utc_offset is not None or not zones or agreeing[0].utc_offset in {zone.utc_offset for zone in zones}:
         return PhotoInstants(agreeing)
-    if by_date := next((z for z in zones if _is_day_apart(z.utc_time, gps_time)), None):
-        return PhotoInstants(
-            (replace(by_date, weight=1.0),)
-        )  # of one time of day, on the place's side of the date line
+    off_days = (abs(abs(zone.utc_time - gps_time) - timedelta(days=1)) for zone in zones)
+    if by_date := next((z for z, off in zip(zones, off_days, strict=True) if off <= MAX_CLOCK_DIFFERENCE), None):
+        # of one time of day, on the place's side of the date line
+        return PhotoInstants((replace(by_date, weight=1.0),))
     share = _AGREED if agreeing[0].utc_offset else _EVEN  # some programs write the local time in place of GPS's
     instants = (replace(agreeing[0], weight=share), *(replace(z, weight=z.weight * (1.0 - share)) for z in zones))
     sentence = _format_conflict(zones[0].utc_time - gps_time)
     return PhotoInstants(instants, _ClockConflict(sentence, agreed=agreeing[0].clock))
-
-
-def _is_day_apart(time: datetime, gps_time: datetime) -> bool:
-    return abs(abs(time - gps_time) - timedelta(days=1)) <= MAX_CLOCK_DIFFERENCE
 
 
 def _agreeing(clock: Iterable[Instant], gps_time: datetime) -> tuple[Instant, ...]:
@@ -379,9 +361,11 @@ def resolve_together(metadata: Sequence[PhotoMetadata], user_input: UserInput) -
     alone = [resolve_instants(m, user_input) for m in metadata]
     offset = next((hours for one in alone if (hours := _offset_of_file(one)) is not None), None)
     each = alone if offset is None else [resolve_instants(m, user_input, offset) for m in metadata]
-    clocks = list(dict.fromkeys(instant.clock for one in each for instant in one.instants))
-    weights = [_mean_weight(each, clock) for clock in clocks]
-    return [replace(one, instants=_in_order(one, clocks, weights)) for one in each]
+    weights = dict.fromkeys((instant.clock for one in each for instant in one.instants), 0.0)
+    for clock in weights:  # in the photos that have it
+        shares = [sum(m.weight for m in one.instants if m.clock == clock) for one in each if one.instants]
+        weights[clock] = math.fsum(shares) / len(shares)
+    return [replace(one, instants=_in_order(one, weights)) for one in each]
 
 
 def _offset_of_file(one: PhotoInstants) -> float | None:
@@ -391,16 +375,9 @@ def _offset_of_file(one: PhotoInstants) -> float | None:
     return None if likeliest is None or is_doubted or likeliest.clock != "file" else likeliest.utc_offset
 
 
-def _mean_weight(each: Sequence[PhotoInstants], clock: str) -> float:
-    """The weight of a clock in the photos that have it."""
-    weights = [sum(m.weight for m in one.instants if m.clock == clock) for one in each if one.instants]
-    return math.fsum(weights) / len(weights)
-
-
-def _in_order(one: PhotoInstants, clocks: Sequence[str], weights: Sequence[float]) -> tuple[Instant, ...]:
-    """A instant of each clock; a photo without it has its likeliest there."""
+def _in_order(one: PhotoInstants, weights: Mapping[str, float]) -> tuple[Instant, ...]:
+    """An instant of each clock, with these weights; a photo without it has its likeliest there."""
     if (likeliest := one.likeliest) is None:
         return ()
     by_clock = {instant.clock: instant for instant in reversed(one.instants)}
-    pairs = zip(clocks, weights, strict=True)
-    return tuple(replace(by_clock.get(clock, likeliest), weight=weight) for clock, weight in pairs)
+    return tuple(replace(by_clock.get(clock, likeliest), weight=weight) for clock, weight in weights.items())

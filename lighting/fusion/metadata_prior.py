@@ -42,29 +42,6 @@ def _utc_times(instants: Sequence[Instant]) -> "np.ndarray[tuple[int], np.dtype[
     return np.array([instant.utc_time.replace(tzinfo=None) for instant in instants], dtype="datetime64[us]")
 
 
-def _format_below_horizon(instants: Sequence[Instant], location: Location | None, elevation: float) -> str:
-    """Write the beginning of an error about a sun below the horizon.
-
-    Args:
-        instants: at which the photo may have been taken.
-        location: where.
-        elevation: deg, the highest possible of the sun, negative.
-    """
-    phase = _phase(elevation, _is_polar_night(instants, location))
-    return (
-        f"At that time and place the sun is {-elevation:.1f}° below the horizon ({phase}; civil twilight ends at 6°): "
-    )
-
-
-def _format_low_sun(elevation: float) -> str:
-    """Write the beginning of a warning about a sun below the horizon.
-
-    Args:
-        elevation: deg, of the sun, negative.
-    """
-    return f"The sun is {-elevation:.1f}° below the horizon ({_phase(elevation, polar=False)})"
-
-
 def _phase(elevation: float, polar: bool) -> str:
     if elevation < ASTRONOMICAL_TWILIGHT:
         return "polar night" if polar else "night"
@@ -85,9 +62,6 @@ _DECLINATION_STD = 17.0  # deg, root mean square of the magnetic declination ove
 _EARTH_RADIUS_KM = 6371.0
 _MAX_DISTANCE_KM = 100.0  # within which the sun has the same direction to a degree
 _NIGHT_IN_ALL_ZONES = "One photo is of the night in every zone"
-_TWILIGHT_ANSWER = "the answer has no direct sunlight."
-_MIN_SUN_ELEVATION = RANGES["sun_elevation"][0]
-_LATE_ANSWER = "the answer is too bright."
 
 _DECLINATION_EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
 _MAX_AERIAL_ELEVATION = -10.0  # deg, of a camera on a gimbal that looks down from above
@@ -145,14 +119,47 @@ def _observe(
     *,
     allow_night: bool = False,
 ) -> MetadataPrior:
-    """The observations of merged metadata; ParameterError where the user's own time or location is at night."""
+    """The observations of merged metadata; ParameterError where the user's own time or location is at night.
+
+    Candidate suns that are all below the horizon are put on it in civil twilight, and not used at night.
+    """
     candidates = _sun_candidates(instants.instants, merged.location) if instants.instants else ()
-    is_stated = user_input.time is not None or user_input.latitude is not None
-    if (highest := _max_elevation(candidates)) < CIVIL_TWILIGHT and is_stated and not allow_night:
+    highest = max((elevation for elevation, _ in candidates), default=0.0)
+    is_night, is_stated = highest < CIVIL_TWILIGHT, user_input.time is not None or user_input.latitude is not None
+    if is_night and is_stated and not allow_night:
+        phase = _phase(highest, _is_polar_night(instants.instants, merged.location))
+        sentence = (
+            f"At that time and place the sun is {-highest:.1f}° below the horizon ({phase}; civil twilight ends at "
+            "6°): too dark for these skies."
+        )
         stated = "latitude" if user_input.time is None else "time"
-        sentence = _format_below_horizon(instants.instants, merged.location, highest) + "too dark for these skies."
         raise ParameterError(sentence, stated, ErrorCode.NIGHT)
-    return _prior(merged, instants, candidates, user_input, subject)
+    warnings = (*instants.warnings, *_unused_input_warnings(merged, user_input, subject))
+    if is_dark := highest < -SUN_RADIUS:
+        consequence = "time and place were not used."
+        if not is_night:
+            late = highest < RANGES["sun_elevation"][0]
+            consequence = "the answer is too bright." if late else "the answer has no direct sunlight."
+        sentence = f"The sun is {-highest:.1f}° below the horizon ({_phase(highest, polar=False)}): {consequence}"
+        warnings = (*warnings, sentence)
+    raised = () if is_night else tuple((max(el, 0.0) if el >= CIVIL_TWILIGHT else el, az) for el, az in candidates)
+    elevation, std, gravity = merged.camera_elevation, merged.gravity_spread, None
+    if elevation is not None and std is not None:
+        gravity = Gravity(elevation, merged.camera_roll, std)
+    weights = tuple(instant.weight for instant in instants.instants) if raised else ()
+    compass, exposure_value = _compass(merged, instants, user_input), merged.exposure_value
+    observations = Observations(raised, *compass, merged.vertical_fov, gravity, exposure_value, subject, weights)
+    by_gimbal = elevation is not None and merged.gravity_source == "gimbal" and elevation < _MAX_AERIAL_ELEVATION
+    return MetadataPrior(
+        observations,
+        warnings,
+        twilight_sun=highest if is_dark and not is_night else None,
+        is_night=bool(candidates) and is_night,
+        location=merged.location if user_input.keep_location else None,
+        instants=instants,
+        camera_height=EYE_HEIGHT if merged.camera_height is None else merged.camera_height,
+        is_aerial=by_gimbal and merged.camera_height is None,
+    )
 
 
 def merge_user_input(metadata: PhotoMetadata, user_input: UserInput) -> PhotoMetadata:
@@ -231,51 +238,6 @@ def observations_multi(metadata: Sequence[PhotoMetadata], user_input: UserInput)
     return _without_time(priors, f"{_NIGHT_IN_ALL_ZONES}: time and place were not used.")
 
 
-def _gravity(metadata: PhotoMetadata) -> Gravity | None:
-    elevation, std = metadata.camera_elevation, metadata.gravity_spread
-    return None if elevation is None or std is None else Gravity(elevation, metadata.camera_roll, std)
-
-
-def _prior(
-    merged: PhotoMetadata, instants: PhotoInstants, candidates: _SunCandidates, user_input: UserInput, subject: str
-) -> MetadataPrior:
-    """The observations of merged metadata whose candidate suns may all be below the horizon."""
-    highest = _max_elevation(candidates)
-    warnings = (*instants.warnings, *_unused_input_warnings(merged, user_input, subject))
-    if highest < -SUN_RADIUS:
-        consequence = "time and place were not used."
-        if highest >= CIVIL_TWILIGHT:
-            consequence = _TWILIGHT_ANSWER if highest >= _MIN_SUN_ELEVATION else _LATE_ANSWER
-        warnings = (*warnings, f"{_format_low_sun(highest)}: {consequence}")
-    raised = _raise_twilight(candidates) if highest >= CIVIL_TWILIGHT else ()
-    gravity = _gravity(merged)
-    compass, exposure_value = _compass(merged, instants, user_input), merged.exposure_value
-    weights = tuple(instant.weight for instant in instants.instants) if raised else ()
-    observations = Observations(raised, *compass, merged.vertical_fov, gravity, exposure_value, subject, weights)
-    twilight_sun = highest if CIVIL_TWILIGHT <= highest < -SUN_RADIUS else None
-    is_night = bool(candidates) and highest < CIVIL_TWILIGHT
-    location = merged.location if user_input.keep_location else None
-    height = EYE_HEIGHT if merged.camera_height is None else merged.camera_height
-    aerial = _flies_at_unknown_height(merged)
-    return MetadataPrior(observations, warnings, twilight_sun, is_night, location, instants, height, aerial)
-
-
-def _flies_at_unknown_height(metadata: PhotoMetadata) -> bool:
-    """Whether a gimbal turned the camera down, as drones' do, and no altitude is known."""
-    elevation = metadata.camera_elevation if metadata.gravity_source == "gimbal" else None
-    return metadata.camera_height is None and elevation is not None and elevation < _MAX_AERIAL_ELEVATION
-
-
-def _max_elevation(candidates: _SunCandidates) -> float:
-    """The highest elevation [deg] of candidate suns; 0 where there are none."""
-    return max((elevation for elevation, _ in candidates), default=0.0)
-
-
-def _raise_twilight(candidates: _SunCandidates) -> _SunCandidates:
-    """The candidates with the suns of civil twilight put on the horizon."""
-    return tuple((max(el, 0.0) if el >= CIVIL_TWILIGHT else el, azimuth) for el, azimuth in candidates)
-
-
 def _without_time(priors: Sequence[MetadataPrior], warning: str) -> list[MetadataPrior]:
     """The same without time; a warning goes to those that had one."""
     return [
@@ -326,18 +288,13 @@ def _compass(metadata: PhotoMetadata, instants: PhotoInstants, user_input: UserI
         return metadata.heading % 360.0, USER_HEADING_STD
     if metadata.heading_reference == HeadingReference.TRUE:
         return metadata.heading % 360.0, COMPASS_STD
-    declination = _declination_of(metadata, instants)
+    instant, declination = instants.likeliest, None
+    if instant is not None and metadata.location is not None:
+        declination = _magnetic_declination(*metadata.location, instant.utc_time)
     if metadata.heading_reference == HeadingReference.MAGNETIC and declination is not None:
         return (metadata.heading + declination) % 360.0, COMPASS_STD
     std = _DECLINATION_STD if declination is None else declination
     return metadata.heading % 360.0, math.hypot(COMPASS_STD, std)
-
-
-def _declination_of(metadata: PhotoMetadata, instants: PhotoInstants) -> float | None:
-    """The magnetic declination [deg] at the photo's time and location; None where they are not both known."""
-    if (instant := instants.likeliest) is None or metadata.location is None:
-        return None
-    return _magnetic_declination(*metadata.location, instant.utc_time)
 
 
 def _magnetic_declination(latitude: float, longitude: float, time: datetime) -> float | None:

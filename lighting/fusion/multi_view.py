@@ -4,7 +4,7 @@ Each group of photos that match each other has a frame; compasses join the group
 pooled with the weights of `pooling`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -32,7 +32,7 @@ from lighting.fusion.pooling import (
 from lighting.fusion.single_view import Observations, Posterior, posterior_on_grid, posterior_on_rings
 from lighting.fusion.user_input import check_headings
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.prediction import Light, Prediction, SunEstimate
+from lighting.prediction import Prediction, SunEstimate
 from lighting.records import EvidenceKind
 from lighting.sun_grid import (
     HEADINGS,
@@ -98,15 +98,10 @@ def fuse_views(
     fused = []
     for i, (posterior, single) in enumerate(zip(posteriors, singles, strict=True)):
         warnings = (*single.warnings, *_match_warnings(i, predictions[i], frames, views))
-        used = _used_evidence(posterior, frames.source if frames.is_connected(i) else None)
-        fused.append(replace(posterior, warnings=warnings, used=used, predicted_sun_elevation=elevation))
+        used = {*posterior.used, EvidenceKind.OTHER_PHOTOS, frames.source if frames.is_connected(i) else None}
+        kinds = tuple(kind for kind in EvidenceKind if kind in used)  # a compass also where it tells turns alone
+        fused.append(replace(posterior, warnings=warnings, used=kinds, predicted_sun_elevation=elevation))
     return tuple(fused)
-
-
-def _used_evidence(posterior: Posterior, source: EvidenceKind | None) -> tuple[EvidenceKind, ...]:
-    """What counts for the answer; compass headings also where they only tell relative headings."""
-    used = {*posterior.used, EvidenceKind.OTHER_PHOTOS, source}
-    return tuple(kind for kind in EvidenceKind if kind in used)
 
 
 # Which photos share a frame, and their headings in it.
@@ -125,6 +120,11 @@ class _Frames:
     def members(self) -> list[NDArray[np.intp]]:
         """The photos (m,) of each group."""
         return [np.flatnonzero(self.group == number) for number in np.unique(self.group)]
+
+    def by_photo(self, pool: Callable[[NDArray[np.intp]], list[Floats]]) -> list[Floats]:
+        """What a function of the photos (m,) of a group gives each of them, in the order of all photos."""
+        pooled = {photo: one for group in self.members() for photo, one in zip(group, pool(group), strict=True)}
+        return [pooled[photo] for photo in range(len(self.group))]
 
     def subset(self, photos: NDArray[np.intp]) -> "_Frames":
         """The same of some photos alone."""
@@ -154,19 +154,15 @@ def _frames(
         check_headings(count, headings)
         return _Frames(one_group, np.array(headings, dtype=np.float64), np.zeros(count))
     if views is not None and len({view.group for view in views}) < count:
-        matched = _frames_by_matches(views)
+        group = np.array([view.group for view in views], dtype=np.intp)
+        heading, std = np.array([view.heading for view in views]), np.array([view.heading_std for view in views])
+        matched = _Frames(group, heading, std, _MATCH_OUTLIER_RATE, EvidenceKind.TURNS)
         can_join = len(compass) == count and matched.group.any()
         return _join_by_compass(matched, np.array(compass)) if can_join else matched
     if len(compass) == count:
         std = np.full(count, _RELATIVE_HEADING_STD)
         return _Frames(one_group, np.array(compass), std, single_view.COMPASS_OUTLIER_RATE, EvidenceKind.HEADING)
     return _Frames(np.arange(count), np.zeros(count), np.zeros(count))
-
-
-def _frames_by_matches(views: "Views") -> _Frames:
-    group = np.array([view.group for view in views], dtype=np.intp)
-    heading, std = np.array([view.heading for view in views]), np.array([view.heading_std for view in views])
-    return _Frames(group, heading, std, _MATCH_OUTLIER_RATE, EvidenceKind.TURNS)
 
 
 def _join_by_compass(matched: _Frames, compass: Floats) -> _Frames:
@@ -194,40 +190,31 @@ def _match_warnings(photo: int, prediction: Prediction, frames: _Frames, views: 
         return ()
     if not frames.is_connected(photo):
         return (_SEPARATE_PHOTO,)
-    separate = () if frames.heading_of_first(photo) is not None else (_SEPARATE_GROUP,)
-    return (*separate, *_up_warnings(prediction, views[photo]))
-
-
-def _up_warnings(prediction: Prediction, view: "RegisteredView") -> tuple[str, ...]:
-    """A warning where the photo alone has up elsewhere than what it has in common with the others."""
-    tilts = ((camera.camera_elevation, camera.camera_roll) for camera in (prediction, view))
+    warnings = () if frames.heading_of_first(photo) is not None else (_SEPARATE_GROUP,)
+    tilts = ((camera.camera_elevation, camera.camera_roll) for camera in (prediction, views[photo]))
     difference = float(angle_between(*(up_in_camera(*tilt) for tilt in tilts)))
     if difference < _MAX_UP_DISAGREEMENT:
-        return ()
-    return (f"Its up is {difference:.0f}° off that of the others: one may lie on its side.",)
+        return warnings
+    return (*warnings, f"Its up is {difference:.0f}° off that of the others: one may lie on its side.")
 
 
 # What the photos share: one sky, one time zone.
 
 
 def _share_sky(predictions: Sequence[Prediction]) -> list[Prediction]:
-    """The predictions with their common turbidity, exposure and irradiances, geometric means, and their mean cover."""
+    """The predictions with their common turbidity, exposure and irradiances, geometric means, and their mean cover.
+
+    There is no light unless every photo has one.
+    """
     logs = np.log([[max(p.turbidity, MIN_POOLED_DENSITY), max(p.exposure, MIN_POOLED_DENSITY)] for p in predictions])
     turbidity, exposure = map(float, np.exp(logs.mean(axis=0)))
-    light = _mean_light([p.light for p in predictions])
-    common = [replace(p, turbidity=turbidity, exposure=exposure) for p in predictions]
-    return [replace(p, light=light and _keep_photo_light(light, p.light)) for p in common]
-
-
-def _mean_light(lights: Sequence[Light | None]) -> Light | None:
-    """The mean of lights; None unless every photo has one."""
-    vectors = [light_to_vector(light) for light in lights if light is not None]
-    return light_from_vector(np.mean(vectors, axis=0)) if len(vectors) == len(lights) else None
-
-
-def _keep_photo_light(common: Light, light: Light | None) -> Light:
-    """The common light with what one photo alone tells: whether it is suitable, and its surroundings."""
-    return common if light is None else replace(common, suitable=light.suitable, surroundings=light.surroundings)
+    common = [replace(p, turbidity=turbidity, exposure=exposure, light=None) for p in predictions]
+    lights = [p.light for p in predictions if p.light is not None]
+    if len(lights) < len(predictions):
+        return common
+    light = light_from_vector(np.mean(list(map(light_to_vector, lights)), axis=0))
+    own = [replace(light, suitable=one.suitable, surroundings=one.surroundings) for one in lights]  # of one photo alone
+    return [replace(p, light=light) for p, light in zip(common, own, strict=True)]
 
 
 def _share_time(observations: Sequence[Observations]) -> list[Observations]:
@@ -258,11 +245,8 @@ def _optical_axes(predictions: Sequence[Prediction], headings: Floats) -> tuple[
 
 def _fuse_on_grid(predictions: list[Prediction], observations: list[Observations], frames: _Frames) -> list[Posterior]:
     """The posteriors where no time is known."""
-    by_photo: dict[int, Floats] = {}
-    for group in frames.members():
-        pooled = _pool_on_grid([predictions[i] for i in group], frames.subset(group))
-        by_photo |= dict(zip(group.tolist(), pooled, strict=True))
-    probability = _share_elevation(predictions, [by_photo[i] for i in range(len(predictions))], frames)
+    pooled = frames.by_photo(lambda group: _pool_on_grid([predictions[i] for i in group], frames.subset(group)))
+    probability = _share_elevation(predictions, pooled, frames)
     fused = [replace(p, sun_probability=w) for p, w in zip(predictions, probability, strict=True)]
     alone = list(map(posterior_on_grid, fused, observations))
     posteriors = [replace(one, sun=_sun_of_group(i, alone, frames)) for i, one in enumerate(alone)]
@@ -333,23 +317,19 @@ def _fuse_on_rings(predictions: list[Prediction], observations: list[Observation
     candidates = map(single_view.candidates_above_horizon, observations)
     likelihood = [single_view.likelihood_by_heading(p, suns) for p, suns in zip(predictions, candidates, strict=True)]
     prior = [single_view.compass_prior(o) for o in observations]
-    by_photo: dict[int, Floats] = {}
-    for group in frames.members():
+
+    def pool(group: NDArray[np.intp]) -> list[Floats]:
         blurred = [blur_ring_heading(likelihood[i], float(frames.heading_std[i]), frames.outlier_rate) for i in group]
         axes = _optical_axes([predictions[i] for i in group], frames.heading[group])
-        similarity = _sun_similarity([observations[i] for i in group])
+        suns = np.array([observations[i].candidates[0] for i in group])  # elevation and azimuth
+        towards = direction(suns[:, 1], suns[:, 0])
+        similarity = np.exp(-angle_between(towards[:, None], towards[None]) / _SUN_MOTION_SCALE)  # of their light
         weight = effective_weights(*axes, AZIMUTH_CORRELATION, similarity)
-        pooled = _pool_on_rings(blurred, [prior[i] for i in group], frames.heading[group], weight)
-        by_photo |= dict(zip(group.tolist(), pooled, strict=True))
-    shared = _share_zone([by_photo[i] for i in range(len(by_photo))], frames)
+        return _pool_on_rings(blurred, [prior[i] for i in group], frames.heading[group], weight)
+
+    shared = _share_zone(frames.by_photo(pool), frames)
     weighted = [w * single_view.candidate_weights(o)[:, None] for w, o in zip(shared, observations, strict=True)]
     return [posterior_on_rings(p, o, w) for p, o, w in zip(predictions, observations, weighted, strict=True)]
-
-
-def _sun_similarity(observations: Sequence[Observations]) -> Floats:
-    """How alike the light of photos is (n, n), 0 to 1, by the angles between their suns."""
-    suns = direction([o.candidates[0][1] for o in observations], [o.candidates[0][0] for o in observations])
-    return np.asarray(np.exp(-angle_between(suns[:, None], suns[None]) / _SUN_MOTION_SCALE))
 
 
 def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floats, weight: Floats) -> list[Floats]:
