@@ -22,7 +22,7 @@ import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES
-from lighting.fusion.marks import DrawnCamera, KnownCamera, LevelLines, Line, Reference
+from lighting.fusion.marks import DrawnCamera, KnownCamera, LevelLines, Line, Point, Reference
 from lighting.geometry import Floats, Pinhole, pixel_ray
 
 _HAND_STD = 0.003  # of an end of a line, as a share of the photo's longer side
@@ -34,7 +34,7 @@ _CORNER_STD = 0.5  # deg, of the right angle between two level directions
 _MAX_CORNER = 20.0  # deg by which that angle may be off a right one by the pixels' camera, to be one
 _MAX_SKEW = 5.0  # deg by which a line may be off the common direction of parallel ones
 _MAX_LEAN = 30.0  # deg from the camera's vertical, of an upright line by the pixels' camera
-_MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
+MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
 _FARTHEST_HORIZON = 1.5  # longer sides of the picture from its middle; half a side is its edge
 _STEPS, _MAX_STEP = 20, np.array([15.0, 15.0, 0.5, 0.1, 0.1])  # of Gauss and Newton
 _DIFFERENCE = 1e-4  # of numerical derivatives
@@ -55,9 +55,13 @@ def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinh
     if drawn.known is not None:
         known = drawn.known
         return replace(camera, elevation=known.elevation, roll=known.roll, vertical_fov=known.vertical_fov)
-    if drawn.horizon is not None and _distance_from_middle(camera, drawn.horizon) > _FARTHEST_HORIZON:
-        sentence = "The horizon lies far outside the photo; leave it out where the photo does not show it."
-        raise ParameterError(sentence, "horizon", ErrorCode.OUT_OF_RANGE)
+    if drawn.horizon is not None:
+        left, top, end, bottom = drawn.horizon
+        from_middle = (end - left) * (top - camera.height / 2) - (bottom - top) * (left - camera.width / 2)
+        away = abs(from_middle) / math.hypot(end - left, bottom - top) / max(camera.width, camera.height)
+        if away > _FARTHEST_HORIZON:
+            sentence = "The horizon lies far outside the photo; leave it out where the photo does not show it."
+            raise ParameterError(sentence, "horizon", ErrorCode.OUT_OF_RANGE)
     if any(abs(_lean(camera, line)) > _MAX_LEAN for line in drawn.verticals):
         sentence = "A line that is said to be upright lies flat in the photo; draw along a wall's edge or a post."
         raise ParameterError(sentence, "verticals", ErrorCode.CONTRADICTION)
@@ -76,12 +80,6 @@ def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinh
     if any(shift):
         fitted = _look_at_middle(fitted, shift)
     return replace(fitted, vertical_fov=camera.vertical_fov) if lens_known else fitted
-
-
-def _distance_from_middle(camera: Pinhole, line: Line) -> float:
-    """How far the picture's middle is from a line, in longer sides of the picture."""
-    x, y, right, down = line[0] - camera.width / 2, line[1] - camera.height / 2, line[2] - line[0], line[3] - line[1]
-    return abs(right * y - down * x) / math.hypot(right, down) / max(camera.width, camera.height)
 
 
 def _least_squares(
@@ -148,14 +146,12 @@ def _line_residuals(camera: Pinhole, drawn: DrawnCamera) -> Floats:
         ends = (drawn.horizon[:2], drawn.horizon[2:])
         std = math.degrees(hand / camera.focal_length)
         found += [math.degrees(math.asin(pixel_ray(camera, end)[1])) / std for end in ends]
-    for line in drawn.verticals:
-        turned = math.degrees(math.sqrt(2) * hand / math.dist(line[:2], line[2:]))
-        found.append(_lean(camera, line) / math.hypot(turned, _UPRIGHT_STD))
+    leaning = [(_lean(camera, line), line) for line in drawn.verticals]
     for group in drawn.levels:
-        found += [
-            skew / math.hypot(math.degrees(math.sqrt(2) * hand / math.dist(line[:2], line[2:])), _UPRIGHT_STD)
-            for skew, line in zip(_skews(camera, group), group.lines, strict=True)
-        ]
+        leaning += zip(_skews(camera, group), group.lines, strict=True)
+    for angle, line in leaning:
+        turned = math.degrees(math.sqrt(2) * hand / math.dist(line[:2], line[2:]))
+        found.append(angle / math.hypot(turned, _UPRIGHT_STD))
     return np.array(found)
 
 
@@ -199,9 +195,10 @@ def height_by_reference(reference: Reference, camera: Pinhole) -> float:
     Raises:
         ParameterError: the thing does not stand or lie on the ground of this camera.
     """
-    foot = _ground_point(camera, reference.start)
+    above = "The foot of the thing of known size lies at the horizon or over it, where no ground is."
+    foot = ground_point(camera, reference.start, "reference", above)
     if reference.lies:
-        size = float(np.linalg.norm(_ground_point(camera, reference.end) - foot))
+        size = float(np.linalg.norm(ground_point(camera, reference.end, "reference", above) - foot))
     else:
         if abs(_lean(camera, (*reference.start, *reference.end))) > _MAX_LEAN:
             sentence = "The thing of known size does not stand upright; write ground: before it if it lies."
@@ -216,12 +213,21 @@ def height_by_reference(reference: Reference, camera: Pinhole) -> float:
     return reference.meters / size
 
 
-def _ground_point(camera: Pinhole, point: tuple[float, float]) -> Floats:
-    """The point (3,) of the ground behind a pixel, of a camera that stands 1 above it."""
+def ground_point(camera: Pinhole, point: Point, field: str, sentence: str) -> Floats:
+    """Return the point (3,) of the ground behind a pixel, of a camera that stands 1 above it.
+
+    Args:
+        camera: any.
+        point: (x, y) pixels.
+        field: of the error.
+        sentence: of the error where the pixel lies at the horizon or over it.
+
+    Raises:
+        ParameterError: it does.
+    """
     ray = pixel_ray(camera, point)
-    if ray[1] > -math.sin(math.radians(_MIN_DESCENT)):
-        sentence = "The foot of the thing of known size lies at the horizon or over it, where no ground is."
-        raise ParameterError(sentence, "reference", ErrorCode.OUT_OF_RANGE)
+    if ray[1] > -math.sin(math.radians(MIN_DESCENT)):
+        raise ParameterError(sentence, field, ErrorCode.OUT_OF_RANGE)
     return np.asarray(ray / -ray[1])
 
 

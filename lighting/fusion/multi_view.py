@@ -11,39 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.fusion.pooling as pooling
 import lighting.fusion.single_view as single_view
 import lighting.sun_grid as sun_grid
 from lighting.calibration import up_in_camera
 from lighting.decoding import light_from_vector, light_to_vector
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, WarningCode
-from lighting.fusion.pooling import (
-    AZIMUTH_CORRELATION,
-    ELEVATION_KERNEL_STD,
-    MIN_POOLED_DENSITY,
-    SUN_CORRELATION,
-    blur_grid_heading,
-    blur_ring_heading,
-    effective_weights,
-    elevation_density,
-    pool_log_likelihoods,
-    pooling_exponent,
-    rotate_density,
-)
+from lighting.fusion.pooling import AZIMUTH_CORRELATION, ELEVATION_KERNEL_STD, MIN_POOLED_DENSITY, SUN_CORRELATION
 from lighting.fusion.single_view import Observations, Posterior, posterior_on_grid, posterior_on_rings
 from lighting.fusion.user_input import check_headings
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.prediction import Prediction, SunEstimate
 from lighting.records import EvidenceKind
-from lighting.sun_grid import (
-    HEADINGS,
-    Heading,
-    blur_headings,
-    circular_correlation,
-    grid_directions,
-    grid_solid_angle,
-    heading_from_probability,
-    von_mises,
-)
 
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView
@@ -260,14 +239,15 @@ def _pool_on_grid(predictions: Sequence[Prediction], frames: _Frames) -> list[Fl
     if len(predictions) == 1:
         return [predictions[0].sun_probability]
     layout = predictions[0].spec.sun_grid
-    weight = effective_weights(*_optical_axes(predictions, frames.heading), SUN_CORRELATION)
+    area = sun_grid.grid_solid_angle(layout)
+    weight = pooling.effective_weights(*_optical_axes(predictions, frames.heading), SUN_CORRELATION)
     errors = zip(predictions, frames.heading_std, strict=True)
-    blurred = [blur_grid_heading(p, float(std), frames.outlier_rate) for p, std in errors]
+    blurred = [pooling.blur_grid_heading(p, float(std), frames.outlier_rate) for p, std in errors]
     pooled = []
     for target in frames.heading:
-        density = [rotate_density(p, target - h, layout) for p, h in zip(blurred, frames.heading, strict=True)]
+        density = [pooling.rotate_density(p, target - h, layout) for p, h in zip(blurred, frames.heading, strict=True)]
         log_density = np.log(np.maximum(density, MIN_POOLED_DENSITY))
-        pooled.append(pool_log_likelihoods(log_density, weight, SUN_CORRELATION, grid_solid_angle(layout)))
+        pooled.append(pooling.pool_log_likelihoods(log_density, weight, SUN_CORRELATION, area))
     return pooled
 
 
@@ -275,11 +255,12 @@ def _share_elevation(predictions: Sequence[Prediction], probability: Sequence[Fl
     """The probabilities (N,) of all photos with the elevation that every group tells something of."""
     if not frames.group.any():
         return list(probability)
-    cells = angles(grid_directions(predictions[0].spec.sun_grid))[1]
+    cells = angles(sun_grid.grid_directions(predictions[0].spec.sun_grid))[1]
     firsts = [int(group[0]) for group in frames.members()]
     fused = {i: replace(predictions[i], sun_probability=probability[i]) for i in firsts}
-    of_group = {frames.group[i]: np.maximum(elevation_density(p, cells), MIN_POOLED_DENSITY) for i, p in fused.items()}
-    exponent = pooling_exponent(len(of_group), _ELEVATION_CORRELATION)
+    of_group = {frames.group[i]: pooling.elevation_density(p, cells) for i, p in fused.items()}
+    of_group = {number: np.maximum(density, MIN_POOLED_DENSITY) for number, density in of_group.items()}
+    exponent = pooling.pooling_exponent(len(of_group), _ELEVATION_CORRELATION)
     common = np.exp(exponent * np.sum(np.log(list(of_group.values())), axis=0))
     shared = [p * common / of_group[number] for p, number in zip(probability, frames.group, strict=True)]
     return [p / p.sum() for p in shared]
@@ -292,21 +273,21 @@ def _sun_of_group(photo: int, posteriors: Sequence[Posterior], frames: _Frames) 
     return replace(sun, azimuth=float(wrap_azimuth(sun.azimuth + frames.heading[first] - frames.heading[photo])))
 
 
-def _relative_heading(photo: int, posteriors: Sequence[Posterior], frames: _Frames) -> Heading:
+def _relative_heading(photo: int, posteriors: Sequence[Posterior], frames: _Frames) -> sun_grid.Heading:
     """The camera's heading from the first one's: as matched, or from where both have the one sun."""
     heading = frames.heading_of_first(photo) if frames.source == EvidenceKind.TURNS else None
     if heading is None:
         azimuths = _azimuth_probability(posteriors[0]), _azimuth_probability(posteriors[photo])
-        return heading_from_probability(circular_correlation(*azimuths))
-    bell = von_mises(HEADINGS - heading, max(float(frames.heading_std[photo]), _MIN_HEADING_STD))
-    return replace(heading_from_probability(bell / bell.sum()), best=heading % 360.0)
+        return sun_grid.heading_from_probability(sun_grid.circular_correlation(*azimuths))
+    bell = sun_grid.von_mises(sun_grid.HEADINGS - heading, max(float(frames.heading_std[photo]), _MIN_HEADING_STD))
+    return replace(sun_grid.heading_from_probability(bell / bell.sum()), best=heading % 360.0)
 
 
 def _azimuth_probability(posterior: Posterior) -> Floats:
     """Probability (360,) of the sun's azimuth over whole degrees, smoothed by the size of a cell."""
     azimuth = np.round(angles(posterior.directions)[0]).astype(int) % 360
     by_degree = np.bincount(azimuth, posterior.probability, 360).astype(np.float64)
-    return blur_headings(by_degree, ELEVATION_KERNEL_STD)
+    return sun_grid.blur_headings(by_degree, ELEVATION_KERNEL_STD)
 
 
 # With time and place: each group in its frame, and one zone for all groups.
@@ -319,12 +300,13 @@ def _fuse_on_rings(predictions: list[Prediction], observations: list[Observation
     prior = [single_view.compass_prior(o) for o in observations]
 
     def pool(group: NDArray[np.intp]) -> list[Floats]:
-        blurred = [blur_ring_heading(likelihood[i], float(frames.heading_std[i]), frames.outlier_rate) for i in group]
+        stds = frames.heading_std.tolist()
+        blurred = [pooling.blur_ring_heading(likelihood[i], stds[i], frames.outlier_rate) for i in group]
         axes = _optical_axes([predictions[i] for i in group], frames.heading[group])
         suns = np.array([observations[i].candidates[0] for i in group])  # elevation and azimuth
         towards = direction(suns[:, 1], suns[:, 0])
         similarity = np.exp(-angle_between(towards[:, None], towards[None]) / _SUN_MOTION_SCALE)  # of their light
-        weight = effective_weights(*axes, AZIMUTH_CORRELATION, similarity)
+        weight = pooling.effective_weights(*axes, AZIMUTH_CORRELATION, similarity)
         return _pool_on_rings(blurred, [prior[i] for i in group], frames.heading[group], weight)
 
     shared = _share_zone(frames.by_photo(pool), frames)
@@ -339,7 +321,7 @@ def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floa
     log_likelihood = [_shift_headings(log, h) for log, h in zip(logs, headings, strict=True)]
     log_priors = [_shift_headings(np.log(p) / compasses, h) for p, h in zip(prior, headings, strict=True)]
     log_prior = np.sum(log_priors, axis=0)
-    pooled = pool_log_likelihoods(np.stack(log_likelihood), weight, AZIMUTH_CORRELATION)
+    pooled = pooling.pool_log_likelihoods(np.stack(log_likelihood), weight, AZIMUTH_CORRELATION)
     posterior = pooled * np.exp(log_prior - log_prior.max())
     return [_shift_headings(posterior, -h) for h in headings]
 
@@ -348,14 +330,14 @@ def _share_zone(weights: Sequence[Floats], frames: _Frames) -> list[Floats]:
     """Weights (K, 360) of each photo when the groups have no more than the candidates in common."""
     mass = [np.maximum(w.sum(axis=1, keepdims=True), MIN_POOLED_DENSITY) for w in weights]
     firsts = [int(group[0]) for group in frames.members()]
-    exponent = pooling_exponent(len(firsts), _ELEVATION_CORRELATION)
+    exponent = pooling.pooling_exponent(len(firsts), _ELEVATION_CORRELATION)
     zone = np.exp(exponent * np.sum(np.log([mass[i] for i in firsts]), axis=0))
     return [w / m * zone for w, m in zip(weights, mass, strict=True)]
 
 
 def _shift_headings(values: Floats, rotation: float) -> Floats:
     """Values (..., 360) over HEADINGS as functions of the heading less `rotation` [deg]."""
-    at = (HEADINGS + rotation) % 360.0
+    at = (sun_grid.HEADINGS + rotation) % 360.0
     low = np.floor(at).astype(int)
     share = at - low
     return np.asarray((1 - share) * values[..., low % 360] + share * values[..., (low + 1) % 360])

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fusion.drawn_camera import MIN_DESCENT, ground_point
 from lighting.fusion.marks import LitSide, OwnShadow, Point, Shadow, ShadowLine, ShadowMark, marked_points
 from lighting.geometry import Floats, Pinhole, angles, pixel_ray, wrap_azimuth
 
@@ -37,7 +38,6 @@ _SIDE_STD = 12.0  # deg of azimuth over which a lit side turns to shade
 _DOUBTED_RATES = (0.6, 0.2)  # those of doubted shadows
 _BORDER_STD = 30.0  # deg of azimuth, by the border of a lit side
 _SIDE_OUTLIER_RATE = 0.1  # share of lit sides that are wrong
-_MIN_DESCENT = 0.5  # deg below the horizon, from which on a point lies on the ground
 _STEP = 1e-3  # of the numerical derivatives: deg, and shares
 
 
@@ -60,7 +60,7 @@ def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> 
     azimuth, elevation = angles(directions)
     match mark:
         case LitSide():
-            return _side_likelihood(mark, camera, azimuth, _BORDER_STD)
+            return _side_likelihood(mark, camera, azimuth)
         case OwnShadow():
             return _own_likelihood(mark, camera, azimuth, elevation)
         case ShadowLine():
@@ -69,8 +69,7 @@ def shadow_likelihood(mark: ShadowMark, camera: Pinhole, directions: Floats) -> 
             variance = std[0, 0]
             return _mix(lambda n: (_gaussian(there, variance * n**2) + _gaussian(opposite, variance * n**2)) / 2, 360.0)
         case Shadow():
-            rates = _DOUBTED_RATES if mark.is_doubted else _RATES
-            return _shadow_likelihood(mark, camera, azimuth, elevation, rates)
+            return _shadow_likelihood(mark, camera, azimuth, elevation)
 
 
 def implied_azimuth(mark: ShadowMark, camera: Pinhole) -> float | None:
@@ -85,10 +84,9 @@ def implied_azimuth(mark: ShadowMark, camera: Pinhole) -> float | None:
     return float(_ground_azimuth(camera, mark.foot, mark.tip)[0]) if isinstance(mark, Shadow) else None
 
 
-def _shadow_likelihood(
-    mark: Shadow, camera: Pinhole, azimuth: Floats, elevation: Floats, rates: tuple[float, float]
-) -> Floats:
+def _shadow_likelihood(mark: Shadow, camera: Pinhole, azimuth: Floats, elevation: Floats) -> Floats:
     """Of a shadow with its foot."""
+    rates = _DOUBTED_RATES if mark.is_doubted else _RATES
     points = marked_points(mark)
     if mark.top is None:
         value, covariance = _propagate(lambda c, p: _ground_azimuth(c, p[0], p[1]), camera, points)
@@ -104,11 +102,10 @@ def _shadow_likelihood(
 def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation: Floats) -> Floats:
     """Of the camera's own shadow, which lies opposite the sun."""
     opposite = -pixel_ray(camera, mark.point)
-    if opposite[1] < math.sin(math.radians(_MIN_DESCENT)):
+    if opposite[1] < math.sin(math.radians(MIN_DESCENT)):
         raise ParameterError(_HORIZON, "shadows", ErrorCode.OUT_OF_RANGE)
     value, covariance = _propagate(lambda c, p: np.stack(angles(-pixel_ray(c, p[0]))), camera, [mark.point])
-    own = (_HEAD_STD if mark.is_head else _OWN_STD) ** 2 - _AZIMUTH_STD**2
-    variance = covariance[0, 0] + max(own, 0.0)
+    variance = covariance[0, 0] + ((_HEAD_STD if mark.is_head else _OWN_STD) ** 2 - _AZIMUTH_STD**2)
 
     def by_azimuth(stds: float) -> Floats:
         return _gaussian(wrap_azimuth(azimuth - value[0]), variance * stds**2)
@@ -118,7 +115,7 @@ def _own_likelihood(mark: OwnShadow, camera: Pinhole, azimuth: Floats, elevation
     return _mix(lambda stds: by_azimuth(stds) * _gaussian(elevation - value[1], covariance[1, 1] * stds**2), 32400.0)
 
 
-def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats, border_std: float) -> Floats:
+def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats) -> Floats:
     """Of a lit side: the sun stands on that side of the line of sight, in depth as the border tells, or wherever."""
     shaded, lit = (angles(pixel_ray(camera, point))[0] for point in (mark.shaded, mark.lit))
     between, side = shaded + wrap_azimuth(lit - shaded) / 2, np.sign(wrap_azimuth(lit - shaded))
@@ -126,19 +123,14 @@ def _side_likelihood(mark: LitSide, camera: Pinhole, azimuth: Floats, border_std
         beside = np.degrees(np.arcsin(np.sin(np.radians(azimuth - between)))) * side
         share = 1.0 / (1.0 + np.exp(-1.7 * beside / _SIDE_STD))
         return np.asarray((1 - _SIDE_OUTLIER_RATE) * share + _SIDE_OUTLIER_RATE / 2)
-    from_behind = math.degrees(math.acos(2 * _lit_share(mark, mark.border) - 1))  # of the camera, as of a moon's phase
-    error = wrap_azimuth(azimuth - between - 180.0 + side * from_behind)
-    return np.asarray((1 - _SIDE_OUTLIER_RATE) * _gaussian(error, border_std**2) + _SIDE_OUTLIER_RATE / 360.0)
-
-
-def _lit_share(mark: LitSide, border: Point) -> float:
-    """The share (0 to 1) of a thing's width that is lit."""
-    across, lit = np.subtract(mark.shaded, mark.lit), np.subtract(border, mark.lit)
-    share = float(np.dot(lit, across) / np.dot(across, across))
-    if not 0 <= share <= 1:
+    across, beyond = np.subtract(mark.shaded, mark.lit), np.subtract(mark.border, mark.lit)
+    lit_share = float(np.dot(beyond, across) / np.dot(across, across))
+    if not 0 <= lit_share <= 1:
         sentence = "The border of light and shade lies between the two edges of a thing; mark it there."
         raise ParameterError(sentence, "shadows", ErrorCode.CONTRADICTION)
-    return share
+    from_behind = math.degrees(math.acos(2 * lit_share - 1))  # of the camera, as of a moon's phase
+    error = wrap_azimuth(azimuth - between - 180.0 + side * from_behind)
+    return np.asarray((1 - _SIDE_OUTLIER_RATE) * _gaussian(error, _BORDER_STD**2) + _SIDE_OUTLIER_RATE / 360.0)
 
 
 _HORIZON = "A point of a shadow lies at the horizon or over it, where no ground is; mark a nearer shadow."
@@ -174,22 +166,16 @@ def _propagate(
     return value, scaled @ scaled.T + floor
 
 
-def _ground_point(camera: Pinhole, point: Point) -> Floats:
-    """The point (3,) of the ground behind a pixel, of a camera that stands 1 above it."""
-    ray = pixel_ray(camera, point)
-    if ray[1] > -math.sin(math.radians(_MIN_DESCENT)):
-        raise ParameterError(_HORIZON, "shadows", ErrorCode.OUT_OF_RANGE)
-    return np.asarray(ray / -ray[1])
-
-
 def _ground_azimuth(camera: Pinhole, foot: Point, tip: Point) -> Floats:
     """The azimuth (1,) [deg] from the tip of a shadow to its foot, which is the sun's."""
-    return np.atleast_1d(angles(_ground_point(camera, foot) - _ground_point(camera, tip))[0])
+    base, end = (ground_point(camera, point, "shadows", _HORIZON) for point in (foot, tip))
+    return np.atleast_1d(angles(base - end)[0])
 
 
 def _sun_of_shadow(camera: Pinhole, foot: Point, tip: Point, top: Point) -> Floats:
     """The sun's azimuth and elevation (2,) [deg] of a shadow whose thing's top is seen."""
-    base, end, ray = _ground_point(camera, foot), _ground_point(camera, tip), pixel_ray(camera, top)
+    base, end = (ground_point(camera, point, "shadows", _HORIZON) for point in (foot, tip))
+    ray = pixel_ray(camera, top)
     level = base[0] * ray[0] + base[2] * ray[2]
     height = 1.0 + ray[1] * (base[0] ** 2 + base[2] ** 2) / level  # over the foot, where the ray passes above it
     shadow = math.hypot(end[0] - base[0], end[2] - base[2])

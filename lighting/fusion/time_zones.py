@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import lru_cache
+from itertools import product
+from operator import attrgetter
 
 from lighting.errors import CodedWarning, WarningCode
 from lighting.photo.clock import nearest_utc_offset
@@ -105,7 +107,11 @@ def _zones_of_place(latitude: float, longitude: float) -> tuple[tuple[str, float
         weights = dict(_sea_zones(latitude, longitude, names))
     else:
         claimed = (zone for name in names for zone in _CLAIMED_TOO.get(name, ()))
-        boxed = (also for box, name, also in _CLAIMED_BOXES if name in names and _is_within(latitude, longitude, box))
+        boxed = (
+            also
+            for (south, west, north, east), name, also in _CLAIMED_BOXES
+            if name in names and south <= latitude <= north and west <= longitude <= east
+        )
         weights = dict.fromkeys((*names, *claimed, *boxed), 1.0)
     total = sum(weights.values())
     return tuple((name, weight / total) for name, weight in weights.items())
@@ -117,17 +123,14 @@ def _sea_zones(latitude: float, longitude: float, names: list[str]) -> Iterator[
     for hours, weight in _SEA_WEIGHTS.items():
         if -12 <= ahead + hours <= 14:
             yield f"Etc/GMT{-(ahead + hours):+d}" if ahead + hours else "Etc/GMT", weight
-    steps = [(north, east) for north in (-1, 0, 1) for east in (-1, 0, 1) if north or east]
-    around = [
+    coasts = dict.fromkeys(
         name
-        for distance in _COAST_DISTANCES
-        for north, east in steps
+        for distance, north, east in product(_COAST_DISTANCES, (-1, 0, 1), (-1, 0, 1))
         for name in _names_at(
             min(max(latitude + distance * north, -90.0), 90.0), (longitude + distance * east + 540.0) % 360.0 - 180.0
         )
         if not name.startswith(_AT_SEA)
-    ]
-    coasts = dict.fromkeys(around)
+    )
     yield from ((name, _COAST_WEIGHT / len(coasts)) for name in coasts)
 
 
@@ -143,17 +146,7 @@ def _names_at(latitude: float, longitude: float) -> list[str]:
     return sorted(tzfpy.get_tzs(longitude, latitude)) or ["Etc/GMT"]
 
 
-def _is_within(latitude: float, longitude: float, box: tuple[float, float, float, float]) -> bool:
-    south, west, north, east = box
-    return south <= latitude <= north and west <= longitude <= east
-
-
 # How far a clock is ahead of UTC, by the file.
-
-
-def _stated_offset(metadata: PhotoMetadata) -> float | None:
-    """The offset from UTC [h] that the file states."""
-    return metadata.utc_offset
 
 
 def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
@@ -163,10 +156,9 @@ def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
     return nearest_utc_offset(metadata.local_time - metadata.gps_time.replace(tzinfo=None))
 
 
-_OffsetRule = Callable[[PhotoMetadata], float | None]
 # How a photo tells its clock's offset from UTC; the first that answers counts. A brand's rule asks `camera_make`.
-OFFSET_RULES: dict[str, _OffsetRule] = {
-    "offset in the file": _stated_offset,
+OFFSET_RULES: dict[str, Callable[[PhotoMetadata], float | None]] = {
+    "offset in the file": attrgetter("utc_offset"),
     "GPS": _offset_by_gps,
 }
 
@@ -197,14 +189,12 @@ def resolve_hemisphere(metadata: PhotoMetadata) -> tuple[PhotoMetadata, tuple[Co
         return metadata, ()
     stated, time = offset_in_file(metadata), metadata.local_time or _ANY_TIME
     on_land = [place for place in metadata.locations if not is_at_sea(*place)]
-    fitting = [place for place in on_land if stated and _keeps(clock_offsets(*place, time), stated[0])] or on_land
+    if stated is not None:  # clocks of which zones are as far ahead of UTC
+        by_place = ((place, clock_offsets(*place, time)) for place in on_land)
+        close = [p for p, zones in by_place if any(abs(z.hours - stated[0]) < _MAX_OFFSET_ERROR for z in zones)]
+        on_land = close or on_land
     known = replace(metadata, locations=())
-    if len(fitting) != 1:
+    if len(on_land) != 1:
         return known, (CodedWarning(_DROPPED, WarningCode.LOCATION_OPEN),)
-    latitude, longitude = fitting[0]
+    latitude, longitude = on_land[0]
     return replace(known, latitude=latitude, longitude=longitude), (CodedWarning(_CHOSEN, WarningCode.LOCATION_OPEN),)
-
-
-def _keeps(zones: tuple[_ZoneOffset, ...], utc_offset: float) -> bool:
-    """Whether clocks of one of the zones are as far ahead of UTC [h]."""
-    return any(abs(zone.hours - utc_offset) < _MAX_OFFSET_ERROR for zone in zones)

@@ -8,31 +8,14 @@ from datetime import datetime
 
 import numpy as np
 
+import lighting.fusion.marks as marks
 from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, describe_fields
-from lighting.fusion.marks import (
-    DrawnCamera,
-    KnownCamera,
-    LevelLines,
-    Line,
-    Reference,
-    ShadowMark,
-    check_edge,
-    check_line,
-    check_marks,
-    check_reference,
-    check_spot,
-    read_edge,
-    read_line,
-    read_reference,
-    read_shadow,
-    read_spot,
-)
+from lighting.fusion.marks import DrawnCamera, KnownCamera, LevelLines, Line, Reference, ShadowMark
 from lighting.photo.timestamps import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
-_RANGES["camera_height"] = RANGES["camera_height"]
-_RANGES |= {name: OPTIONAL_RANGES[name] for name in ("latitude", "longitude")}
+_RANGES |= {"camera_height": RANGES["camera_height"], **{n: OPTIONAL_RANGES[n] for n in ("latitude", "longitude")}}
 
 DRAWN_FIELDS = ("shadows", "horizon", "verticals", "reference", "camera", "spot")  # of UserInput, in one photo alone
 
@@ -137,12 +120,12 @@ class UserInput:
             "vertical_fov": _stated_once("vertical_fov", vertical_fov, fov),
             "camera_height": camera_height,
             "keep_location": keep_location,
-            "shadows": tuple(read_shadow(mark) if isinstance(mark, str) else mark for mark in shadows),
-            "horizon": read_line(horizon, "horizon") if isinstance(horizon, str) else horizon,
-            "verticals": tuple(read_edge(edge) if isinstance(edge, str) else edge for edge in verticals),
-            "reference": read_reference(reference) if isinstance(reference, str) else reference,
+            "shadows": tuple(marks.read_shadow(mark) if isinstance(mark, str) else mark for mark in shadows),
+            "horizon": marks.read_line(horizon, "horizon") if isinstance(horizon, str) else horizon,
+            "verticals": tuple(marks.read_edge(edge) if isinstance(edge, str) else edge for edge in verticals),
+            "reference": marks.read_reference(reference) if isinstance(reference, str) else reference,
             "camera": camera,
-            "spot": read_spot(spot) if isinstance(spot, str) else spot,
+            "spot": marks.read_spot(spot) if isinstance(spot, str) else spot,
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -164,9 +147,9 @@ class UserInput:
                 check_range(name, getattr(self, name), *_RANGES[name])
             check_location(self.latitude, self.longitude)
         if self.shadows:
-            check_marks(self.shadows)
+            marks.check_marks(self.shadows)
         if self.spot is not None:
-            check_spot(self.spot)
+            marks.check_spot(self.spot)
         self._check_camera()
         self._check_time()
 
@@ -186,11 +169,11 @@ class UserInput:
 
     def _check_camera(self) -> None:
         if self.horizon is not None:
-            check_line(self.horizon, "horizon")
+            marks.check_line(self.horizon, "horizon")
         for edge in self.verticals:
-            check_edge(edge)
+            marks.check_edge(edge)
         if self.reference is not None:
-            check_reference(self.reference)
+            marks.check_reference(self.reference)
             if self.camera_height is not None:
                 sentence = "A thing of known size gives the camera's height; leave out one of both."
                 raise ParameterError(sentence, "reference", ErrorCode.CONTRADICTION)
@@ -259,22 +242,16 @@ def check_headings(photos: int, headings: Sequence[float] | None, heading: float
         sentence = f"headings are a list of degrees, not {reprlib.repr(headings)}."
         raise ParameterError(sentence, "headings", ErrorCode.WRONG_TYPE)
     if headings is not None:
-        _check_each_heading(photos, headings)
+        if photos == 1 or len(headings) != photos:
+            one = "headings are those of several photos; one photo has a heading."
+            sentence = one if photos == 1 else f"{photos} photos need {photos} headings, not {len(headings)}."
+            raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
+        for angle in headings:
+            degrees = angle.item() if isinstance(angle, np.generic) else angle
+            check_range("headings", degrees, -math.inf, math.inf, "A heading")
     if heading is not None and photos > 1:
         sentence = "heading is that of one photo; photos taken together have headings."
         raise ParameterError(sentence, "heading", ErrorCode.CONTRADICTION)
-
-
-def _check_each_heading(photos: int, headings: Sequence[float]) -> None:
-    if photos == 1:
-        sentence = "headings are those of several photos; one photo has a heading."
-        raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
-    if len(headings) != photos:
-        sentence = f"{photos} photos need {photos} headings, not {len(headings)}."
-        raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
-    for angle in headings:
-        degrees = angle.item() if isinstance(angle, np.generic) else angle
-        check_range("headings", degrees, -math.inf, math.inf, "A heading")
 
 
 def read_headings(text: str) -> list[float]:

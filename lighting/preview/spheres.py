@@ -27,17 +27,7 @@ from lighting.color import SRGB_LINEAR, luminance, srgb_bytes
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import is_in_shade, read_ground_shade, shadow_receivers
-from lighting.geometry import (
-    Floats,
-    LatlongSampler,
-    Pinhole,
-    angles,
-    camera_axes,
-    direction,
-    dot_product,
-    ray_sphere,
-    sample_latlong,
-)
+from lighting.geometry import Floats, LatlongSampler, Pinhole, angles, camera_axes, direction, dot_product, ray_sphere
 from lighting.ground import object_radius
 from lighting.prediction import Segments
 from lighting.preview.drawing import display_srgb
@@ -302,7 +292,7 @@ def _exchange(kind: int, scene: SphereScene, coarseness: int) -> Floats:
     distances = [ray_sphere(points, rays, center) for center in scene.centers]
     unobstructed = np.all([distances[kind] <= distance for distance in distances], axis=0)
     radiance = _shade_sphere(kind, points + rays * distances[kind][:, None], rays, scene, mirrored=True)
-    radiance = np.where(unobstructed[:, None], radiance - sample_latlong(scene.coarse_sky, rays), 0.0)
+    radiance = np.where(unobstructed[:, None], radiance - geometry.sample_latlong(scene.coarse_sky, rays), 0.0)
     upper = (weight[:, None] @ radiance.reshape(*weight.shape, 3))[:, 0].reshape(rows // 2, -1, 3)
     return np.concatenate([upper, upper[::-1]])
 
