@@ -344,21 +344,16 @@ def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
     """
     share = np.ascontiguousarray(open_share[..., 0])
     light, reached = (np.ascontiguousarray(np.moveaxis(image, 2, 0)) * share for image in (before, lit))
-    color, level = blur_channels(light, _COLOR_DEG), _gray(blur_channels(light, _LIGHT_DEG))
-    gains = np.ones_like(light)
+    color, level = blur_channels(light, _COLOR_DEG), blur_channels(light, _LIGHT_DEG)
+    level, gains = np.tensordot(LUMINANCE_WEIGHTS, level, axes=1), np.ones_like(light)
     for deg, wanted in 2 * ((_COLOR_DEG, color), (_LIGHT_DEG, level)):
         blurred = blur_channels(reached, deg)
         if deg == _LIGHT_DEG:
-            blurred = _gray(blurred)
+            blurred = np.tensordot(LUMINANCE_WEIGHTS, blurred, axes=1)
         change = np.clip(wanted / np.maximum(blurred, np.float32(1e-9)), *_GAIN_RANGE)
         gains *= change
         reached *= change
     return np.ascontiguousarray(np.moveaxis(gains, 0, 2))
-
-
-def _gray(channels: Image) -> Image:
-    """The luminance (R, 2R) of channels (3, R, 2R)."""
-    return np.asarray(np.tensordot(LUMINANCE_WEIGHTS, channels, axes=1), dtype=np.float32)
 
 
 def _hand_over(lit: Image, photo: _PhotoCells, *reaches: tuple[float, float]) -> Image:
@@ -371,9 +366,9 @@ def _hand_over(lit: Image, photo: _PhotoCells, *reaches: tuple[float, float]) ->
         photo: in the same cells.
         reaches: standard deviations along the rows and the columns over which it does, one after the other.
     """
-    log_gains = np.zeros((3, *lit.shape[:2]), np.float32)
+    log_gains, all_rims = np.zeros((3, *lit.shape[:2]), np.float32), photo.rim[..., 0]
     for half in (slice(0, len(lit) // 2), slice(len(lit) // 2, len(lit))):
-        rim = photo.rim[half, :, 0]
+        rim = all_rims[half]
         edge = rim > 0
         if not edge.any():
             continue

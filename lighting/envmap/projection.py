@@ -205,10 +205,8 @@ class PhotoProjection:
         """Its pixels in some rows and columns of the map; its weight falls to 0 at its edges."""
         x, y = _map_to_picture(self.camera, self.height, rows, columns)
         height, width = self.picture.shape[:2]
-        row, column = (
-            np.clip((position + 1) * np.float32(count / 2), 0, count - 1).astype(np.intp)
-            for position, count in ((-y, height), (x, width))
-        )
+        row = np.clip((1 - y) * np.float32(height / 2), 0, height - 1).astype(np.intp)
+        column = np.clip((x + 1) * np.float32(width / 2), 0, width - 1).astype(np.intp)
         pixels = self.picture.reshape(-1, 3).take(row * width + column, axis=0)
         ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(_FEATHER), 0, 1)
         return ProjectedPhoto(rows, columns, SRGB_LINEAR.take(pixels), ramp * ramp * (3 - 2 * ramp))
@@ -353,11 +351,14 @@ def extrapolate_edges(
         segments: of the photo; None: all of it goes on.
     """
     ratio, visible = _photo_ratios(cells, pixels, lighting, gain, segments)
-    factors = np.ones_like(cells)
-    half = len(cells) // 2
+    azimuth, elevation = latlong_angles(len(cells))
+    columns, elevation = np.asarray(azimuth, dtype=np.float32), np.asarray(elevation, dtype=np.float32)
+    turns = np.asarray(wrap_azimuth(columns[:, None] - columns), dtype=np.float32)
+    factors, half = np.ones_like(cells), len(cells) // 2
     for part in (slice(0, half), slice(half, None)):
         if visible[part].any():
-            factors[part] = np.exp(_spread_ratios(np.log(ratio[part]), visible[part], len(cells), part))
+            spread = _spread_ratios(np.log(ratio[part]), visible[part], elevation[part], turns)
+            factors[part] = np.exp(spread)
     return factors
 
 
@@ -385,13 +386,14 @@ def _photo_ratios(
     return ratio.reshape(cells.shape), (count >= _MIN_SAMPLES).reshape(rows, columns)
 
 
-def _spread_ratios(values: Image, visible: NDArray[np.bool_], rows: int, part: slice) -> Image:
-    """Values (P, 2R, 3) of a part of a map's rows, spread from the cells (P, 2R) that the photo shows to all others."""
+def _spread_ratios(values: Image, visible: NDArray[np.bool_], elevation: Image, turns: Image) -> Image:
+    """Values (P, 2R, 3) of some rows of a map, spread from the cells (P, 2R) that the photo shows to all others.
+
+    `elevation` (P,) is of the rows, `turns` (2R, 2R) from each column to each, both in deg.
+    """
     row, column = np.nonzero(visible)
-    azimuth, elevation = (np.asarray(angle, dtype=np.float32) for angle in latlong_angles(rows))
-    turn = np.asarray(wrap_azimuth(azimuth[:, None] - azimuth[column]), dtype=np.float32)
-    beside2 = (np.cos(np.radians(elevation[part]))[:, None, None] * turn) ** 2  # (P, 2R, K)
-    above2 = (elevation[part][:, None, None] - elevation[part][row]) ** 2
+    beside2 = (np.cos(np.radians(elevation))[:, None, None] * turns.take(column, axis=1)) ** 2  # (P, 2R, K)
+    above2 = (elevation[:, None, None] - elevation[row]) ** 2
     distance2 = np.float32(_NEAR_DEG**2) + beside2 + np.float32(_VERTICAL_STRETCH**2) * above2
     weight = distance2 ** np.float32(-_DISTANCE_POWER)
     mean = weight @ values[visible] / weight.sum(axis=2, keepdims=True)

@@ -83,9 +83,11 @@ def scale_exposure(lighting: Lighting, gain: Floats) -> Lighting:
         gain: (3,) over 0, of linear red, green and blue.
     """
     exposure = float(np.clip(lighting.exposure * float(luminance(gain)), *RANGES["exposure"]))
-    sun = _scale_irradiance("sun_irradiance", lighting.sun_irradiance, gain)
-    sky = _scale_irradiance("sky_irradiance", lighting.sky_irradiance, gain)
-    return replace(lighting, exposure=round_significant(exposure), sun_irradiance=sun, sky_irradiance=sky)
+    scaled: Any = {"exposure": round_significant(exposure)}
+    for name in ("sun_irradiance", "sky_irradiance"):
+        if (irradiance := getattr(lighting, name)) is not None:
+            scaled[name] = clip_color(np.array(irradiance) * gain, name)
+    return replace(lighting, **scaled)
 
 
 def radiance_gain(lighting: Lighting, gain: Floats) -> Floats | float:
@@ -111,10 +113,6 @@ def _check_yaw(yaw: float) -> None:
 
 def _heading(degrees: float) -> float:
     return round(degrees % 360.0, _ANGLE_DIGITS) % 360.0
-
-
-def _scale_irradiance(name: str, irradiance: Color | None, gain: Floats) -> Color | None:
-    return None if irradiance is None else clip_color(np.array(irradiance) * gain, name)
 
 
 def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> Lighting:

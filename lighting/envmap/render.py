@@ -91,9 +91,10 @@ def render_bare(lighting: Lighting, height: int, *, sun: bool | None = None) -> 
     """
     check_height(height, MAX_WHOLE_HEIGHT)
     check_lighting(lighting)
+    sky, shines = lighting.map_sky, lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
-    gain = _render_sky(image[: height // 2], 0, lighting, None)
-    _render_ground(image[height // 2 :], lighting, sun)
+    gain = _render_sky(image[: height // 2], 0, lighting, sky, None)
+    _render_ground(image[height // 2 :], lighting, shines)
     cap_map(image, lighting)
     return image, gain
 
@@ -113,18 +114,17 @@ def render_rows(
     if _may_be_capped(lighting):
         raise _too_bright(f"a map of over {MAX_WHOLE_HEIGHT} rows")
     if first < rows.shape[1] // 4:
-        _render_sky(rows, first, lighting, gain)
+        _render_sky(rows, first, lighting, lighting.map_sky, gain)
     else:
-        _render_ground(rows, lighting, sun)
+        _render_ground(rows, lighting, lighting.sun_painted if sun is None else sun)
 
 
-def _render_sky(rows: Image, first: int, lighting: Lighting, gain: Floats | None) -> Floats | None:
+def _render_sky(rows: Image, first: int, lighting: Lighting, sky: str, gain: Floats | None) -> Floats | None:
     """Render rows (R, 2H, 3) of the sky from `first` on, and return the gain (3,) of one without a unit of its own.
 
     The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of the irradiance of level
     ground, in each channel. Without a gain the rows are all of the sky, by which it is found.
     """
-    sky = lighting.map_sky
     if lighting.sky_irradiance is None and sky == SKY_MODEL:  # others have no unit of their own
         _render_clear_sky(rows, first, lighting)
         return None
@@ -146,8 +146,7 @@ def _render_sky(rows: Image, first: int, lighting: Lighting, gain: Floats | None
     return gain
 
 
-def _render_ground(rows: Image, lighting: Lighting, sun: bool | None) -> None:
-    shines = lighting.sun_painted if sun is None else sun
+def _render_ground(rows: Image, lighting: Lighting, shines: bool) -> None:
     level = level_irradiance(lighting) if shines else sky_irradiance(lighting)
     rows[0] = ground_reflectance(lighting) / math.pi * level
     rows[1:] = rows[0]  # copying whole rows is fastest
@@ -342,9 +341,16 @@ def _lobe_angles() -> tuple[Image, Image]:
 
 
 def _render_clear_sky(image: Image, first: int, lighting: Lighting) -> None:
-    """Fill rows (R, 2H, 3) of the sky: a factor and an offset per row, a look-up of the lobe per pixel."""
+    """Fill rows (R, 2H, 3) of the sky: a factor and an offset per row, a look-up of the lobe per pixel.
+
+    The factor holds exposure and mean radiance.
+    """
     lobe = _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
-    factor, offset = (terms[:, first:] for terms in _row_terms(lighting, image.shape[1] // 2))
+    up = np.sin(np.radians(latlong_angles(image.shape[1] // 2)[1][first : image.shape[1] // 4]))
+    coefficients, radiance = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    factors, offsets = zip(*(sky_gradation(row, up) for row in coefficients), strict=True)
+    factor = np.asarray(np.stack(factors) * radiance[:, None] * lighting.exposure, dtype=np.float32)
+    offset = np.asarray(np.stack(offsets), dtype=np.float32)
     for part, share in _sun_shares(image, first, lighting):
         index = (share * np.float32(_LOBE_STEPS) + np.float32(0.5)).astype(np.intp)
         for channel in range(3):
@@ -360,25 +366,21 @@ def _render_by_angles(image: Image, first: int, lighting: Lighting, by_angles: C
     steps = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
     sun_angle = np.degrees(2 * np.arctan2(steps, 1 - steps))
     for start in range(0, len(image), _TABLE_ROWS):
-        rows = slice(start, min(start + _TABLE_ROWS, len(image)))
-        table = by_angles(zenith[rows], sun_angle, lighting.sun_elevation, lighting.turbidity)
-        _look_up(image[rows], first + start, np.asarray(table, dtype=np.float32), lighting)
-
-
-def _look_up(image: Image, first: int, table: Image, lighting: Lighting) -> None:
-    """Fill rows (R, 2H, 3) of the sky by their tables (3, R, _TABLE_STEPS + 1)."""
-    step = np.zeros_like(table)  # to the next entry; the last has none
-    np.subtract(table[..., 1:], table[..., :-1], out=step[..., :-1])
-    for part, share in _sun_shares(image, first, lighting):
-        share *= np.float32(_TABLE_STEPS)
-        low = share.astype(np.intp)
-        share -= low
-        low += np.arange(len(low))[:, None] * (_TABLE_STEPS + 1)
-        for channel in range(3):
-            value = step[channel, part].take(low)
-            value *= share
-            value += table[channel, part].take(low)
-            image[part, :, channel] = value
+        rows = image[start : start + _TABLE_ROWS]
+        table = by_angles(zenith[start : start + len(rows)], sun_angle, lighting.sun_elevation, lighting.turbidity)
+        table = np.asarray(table, dtype=np.float32)
+        step = np.zeros_like(table)  # to the next entry; the last has none
+        np.subtract(table[..., 1:], table[..., :-1], out=step[..., :-1])
+        for part, share in _sun_shares(rows, first + start, lighting):
+            share *= np.float32(_TABLE_STEPS)
+            low = share.astype(np.intp)
+            share -= low
+            low += np.arange(len(low))[:, None] * (_TABLE_STEPS + 1)
+            for channel in range(3):
+                value = step[channel, part].take(low)
+                value *= share
+                value += table[channel, part].take(low)
+                rows[part, :, channel] = value
 
 
 def _sun_shares(image: Image, first: int, lighting: Lighting) -> Iterator[tuple[slice, Image]]:
@@ -401,15 +403,6 @@ def _sun_shares(image: Image, first: int, lighting: Lighting) -> Iterator[tuple[
         sine2 = np.clip(vertical[part, None] + horizontal[part, None] * column, 0, 1)
         sine, cosine = np.sqrt(sine2), np.sqrt(1 - sine2)
         yield part, sine / (sine + cosine)
-
-
-def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
-    """Factor and offset (3, H / 2) of the rows above the horizon, exposure and mean radiance in the factor."""
-    up = np.sin(np.radians(latlong_angles(height)[1][: height // 2]))
-    coefficients, radiance = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
-    factors, offsets = zip(*map(sky_gradation, coefficients, (up, up, up)), strict=True)
-    factor = np.stack(factors) * radiance[:, None] * lighting.exposure
-    return np.asarray(factor, dtype=np.float32), np.asarray(np.stack(offsets), dtype=np.float32)
 
 
 def clear_irradiance(lighting: Lighting) -> Floats:

@@ -31,8 +31,7 @@ from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import CodedWarning, WarningCode
 from lighting.fields import clip_to_range, round_significant
 from lighting.fusion.drawn_camera import height_by_reference
-from lighting.fusion.instants import Instant
-from lighting.fusion.marks import Reference, move_mark
+from lighting.fusion.marks import move_mark
 from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_single
 from lighting.fusion.single_view import Observations, Posterior, fuse_single_view
 from lighting.fusion.time_zones import resolve_hemisphere
@@ -197,12 +196,18 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
         prior: the photo's observations, with their warnings.
     """
     headings: Any = _heading_fields(posterior)
-    instant = _chosen_instant(posterior, prior)
+    each = zip(prior.observations.candidates, prior.instants.instants, strict=False)
+    matching = [
+        instant for sun, instant in each if sun == posterior.candidate
+    ]  # the likeliest sun
+    instant = max(matching, key=lambda instant: instant.weight, default=prior.instants.likeliest)
     conflict = prior.instants.conflict_warnings(instant, posterior.candidate_probability)
     lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
     suitable, warnings = lighting.suitable, (*prior.warnings, *conflict, *posterior.warnings)
     if suitable is not None:
-        suitable = _suitable(suitable, prior)
+        if (exposure_value := prior.observations.exposure_value) is not None:
+            suitable = round_significant(suitable * _daylight_probability(exposure_value))
+        suitable = suitable if prior.twilight_sun is None else min(suitable, _MAX_SUITABLE_IN_TWILIGHT)
         warnings = (*warnings, *(_unsuitable_warnings(prior.observations) if suitable < MIN_SUITABLE else ()))
     elevation, visibility, irradiance = _sunlight(lighting, posterior, prior)
     latitude, longitude = prior.location or (None, None)
@@ -229,13 +234,6 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
     return EstimatedLight(answer, distribution, around)
 
 
-def _chosen_instant(posterior: Posterior, prior: MetadataPrior) -> Instant | None:
-    """The instant of the sun that the pixels find likeliest; without place, the likeliest before the pixels."""
-    each = zip(prior.observations.candidates, prior.instants.instants, strict=False)
-    matching = [instant for sun, instant in each if sun == posterior.candidate]
-    return max(matching, key=lambda instant: instant.weight, default=prior.instants.likeliest)
-
-
 def _heading_fields(posterior: Posterior) -> dict[str, float | tuple[float, ...]]:
     """The fields of a Lighting about the camera's heading, as far as it is known."""
     fields: dict[str, float | tuple[float, ...]] = {}
@@ -256,8 +254,7 @@ def _sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrior) ->
     """
     irradiance = lighting.sun_irradiance
     if prior.twilight_sun is not None:
-        elevation = clip_to_range("sun_elevation", prior.twilight_sun)
-        return elevation, 0.0, None if irradiance is None else (0.0, 0.0, 0.0)
+        return clip_to_range("sun_elevation", prior.twilight_sun), 0.0, None if irradiance is None else (0.0, 0.0, 0.0)
     if irradiance is not None:
         predicted = posterior.predicted_sun_elevation
         if predicted is None:
@@ -265,14 +262,6 @@ def _sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrior) ->
         known = lighting.sun_elevation if EvidenceKind.TIME_AND_PLACE in posterior.used else predicted
         irradiance = correct_sun_color(irradiance, predicted, known)
     return lighting.sun_elevation, lighting.sun_visibility, irradiance
-
-
-def _suitable(by_pixels: float, prior: MetadataPrior) -> float:
-    """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
-    suitable, exposure_value = by_pixels, prior.observations.exposure_value
-    if exposure_value is not None:
-        suitable = round_significant(suitable * _daylight_probability(exposure_value))
-    return suitable if prior.twilight_sun is None else min(suitable, _MAX_SUITABLE_IN_TWILIGHT)
 
 
 def _daylight_probability(exposure_value: float) -> float:
@@ -302,7 +291,8 @@ def _choose_lens(metadata: PhotoMetadata, pixel_fov: float) -> tuple[PhotoMetada
             return metadata, ()
         return metadata, (CodedWarning(_CROPPED, WarningCode.LENS_OPEN),)
     fovs = (metadata.vertical_fov, *metadata.other_vertical_fovs)
-    longer = [math.log(_tangent(pixel_fov) / _tangent(fov)) for fov in fovs]
+    tangent, *tangents = (math.tan(math.radians(fov) / 2) for fov in (pixel_fov, *fovs))
+    longer = [math.log(tangent / other) for other in tangents]
     errors = [abs(ratio - _LENS_BIAS) for ratio in longer]
     best = min(range(len(fovs)), key=errors.__getitem__)
     is_long = metadata.is_lens_consistent and fovs[best] < _LONG_LENS
@@ -322,10 +312,6 @@ def _choose_lens(metadata: PhotoMetadata, pixel_fov: float) -> tuple[PhotoMetada
     return chosen, (CodedWarning(sentence, WarningCode.LENS_OPEN),)
 
 
-def _tangent(fov: float) -> float:
-    return math.tan(math.radians(fov) / 2)
-
-
 # From a prediction to the answer.
 
 
@@ -343,12 +329,14 @@ def estimate_light(photo: Photo, predicted: PhotoPrediction, user_input: UserInp
     prior = observations_single(predicted.metadata, user_input)
     observed = replace(prior, warnings=(*photo.warnings, *predicted.warnings, *prior.warnings))
     observations = _with_drawn(observed.observations, photo, user_input)
-    posterior = fuse_single_view(predicted.prediction, observations, photo.pixels)
+    posterior, (left, top) = fuse_single_view(predicted.prediction, observations, photo.pixels), _border(photo)
     if user_input.reference is not None:
-        height = _height_by_reference(user_input.reference, photo, posterior.prediction)
-        observed = replace(observed, camera_height=height)
+        fused, (x, y), (end_x, end_y) = posterior.prediction, user_input.reference.start, user_input.reference.end
+        size = photo.width, photo.height, fused.vertical_fov
+        camera = Pinhole(*size, elevation=fused.camera_elevation, roll=fused.camera_roll)
+        moved = replace(user_input.reference, start=(x - left, y - top), end=(end_x - left, end_y - top))
+        observed = replace(observed, camera_height=height_by_reference(moved, camera))
     estimate = build_estimate(posterior, observed)
-    left, top = _border(photo)
     spot = user_input.spot and (user_input.spot[0] - left, user_input.spot[1] - top)
     estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial, spot)
     return apply_photo_colors([photo], [estimate])[0]
@@ -371,18 +359,6 @@ def _with_drawn(observations: Observations, photo: Photo, user_input: UserInput)
 def _border(photo: Photo) -> tuple[int, int]:
     """Columns and rows of the border on the photo's left and above it."""
     return (0, 0) if photo.crop is None else (photo.crop.left, photo.crop.top)
-
-
-def _height_by_reference(reference: Reference, photo: Photo, prediction: Prediction) -> float:
-    """The camera's height [m] by a thing of known size, with the fused camera."""
-    camera = Pinhole(
-        *(photo.width, photo.height, prediction.vertical_fov, 0.0),
-        *(prediction.camera_elevation, prediction.camera_roll),
-    )
-    left, top = _border(photo)
-    (x, y), (end_x, end_y) = reference.start, reference.end
-    moved = replace(reference, start=(x - left, y - top), end=(end_x - left, end_y - top))
-    return height_by_reference(moved, camera)
 
 
 def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLight]) -> list[EstimatedLight]:
