@@ -12,19 +12,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.envmap.latlong as latlong
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET
-from lighting.envmap.latlong import (
-    Image,
-    blur_cells,
-    blur_channels,
-    cell_bands,
-    column_blocks,
-    multiply_cells,
-    shrink_axis,
-    shrink_envmap,
-    widen_cells,
-)
+from lighting.envmap.latlong import Image
 from lighting.envmap.library_picture import LibraryDetail
 from lighting.envmap.projection import CLIPPED, PhotoProjection, sample_cells
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
@@ -81,7 +72,7 @@ class AddedDetail:
             self._calmed = _rows_between(rows, library.height, DETAIL_ROWS)
         self._ceiling: Image | None = None
         self._limited = slice(0)  # rows of the map where the ceiling is low
-        self._blocks = column_blocks(library.height)
+        self._blocks = latlong.column_blocks(library.height)
         self._whole = self._make(self._blocks[0], 0, library.height) if len(self._blocks) == 1 else None
 
     def taller(self, height: int) -> "AddedDetail":
@@ -103,10 +94,10 @@ class AddedDetail:
             rows: of the cells.
         """
         if self._whole is not None:
-            return shrink_envmap(self._whole, rows)
+            return latlong.shrink_envmap(self._whole, rows)
         height = self._library.height
-        blocks = [shrink_axis(self._make(columns, 0, height), 0, rows) for columns in self._blocks]
-        return shrink_axis(np.concatenate(blocks, axis=1), 1, 2 * rows)
+        blocks = [latlong.shrink_axis(self._make(columns, 0, height), 0, rows) for columns in self._blocks]
+        return latlong.shrink_axis(np.concatenate(blocks, axis=1), 1, 2 * rows)
 
     def multiply(self, image: Image, first: int = 0) -> None:
         """Give rows of one half of a map, or all, the detail.
@@ -118,13 +109,13 @@ class AddedDetail:
         if self._whole is not None:
             image *= self._whole[first : first + len(image)]
         else:
-            for columns in column_blocks(self._library.height, len(image)):
+            for columns in latlong.column_blocks(self._library.height, len(image)):
                 image[:, columns] *= self._make(columns, first, len(image))
         half = image.shape[1] // 4
         for start, cells in zip((0, half), np.split(self.gains, 2), strict=True):
             top, bottom = max(first, start), min(first + len(image), start + half)
             if top < bottom:
-                multiply_cells(image[top - first : bottom - first], cells, top - start, half)
+                latlong.multiply_cells(image[top - first : bottom - first], cells, top - start, half)
 
     def limit(self, ceiling: Image) -> bool:
         """Bring the sky's detail under a ceiling; return False if it is.
@@ -144,12 +135,12 @@ class AddedDetail:
         """Some columns (R, C, 3) of R rows, a few at a time, so that they stay in the processor's cache."""
         height = self._library.height
         detail = np.empty((count, columns.stop - columns.start, 3), np.float32)
-        tint = widen_cells(self._tint, 2 * height, columns)
-        calm = None if self._calm is None else widen_cells(self._calm, 2 * height, columns)
-        gains = widen_cells(self._library.gains, 2 * height, columns)
+        tint = latlong.widen_cells(self._tint, 2 * height, columns)
+        calm = None if self._calm is None else latlong.widen_cells(self._calm, 2 * height, columns)
+        gains = latlong.widen_cells(self._library.gains, 2 * height, columns)
         pixels = np.ascontiguousarray(self._library.pixels(columns, first, count)).reshape(count, -1).view(np.uint16)
         flat, pairs = detail.reshape(count, -1), _light_pairs()
-        for band, near, shares in cell_bands(height, DETAIL_ROWS, first, count):
+        for band, near, shares in latlong.cell_bands(height, DETAIL_ROWS, first, count):
             here = slice(band.start - first, band.stop - first)
             pairs.take(pixels[here], out=flat[here].view(np.uint64), mode="clip")  # which needs no copy
             flat[here] *= shares @ gains[near]
@@ -170,8 +161,8 @@ class AddedDetail:
         """Bring some columns (R, C, 3), from a first row on, under the ceiling, where it is low."""
         assert self._ceiling is not None
         height = self._library.height
-        ceiling = widen_cells(self._ceiling, 2 * height, columns)
-        for band, near, shares in cell_bands(height, DETAIL_ROWS, first, len(detail)):
+        ceiling = latlong.widen_cells(self._ceiling, 2 * height, columns)
+        for band, near, shares in latlong.cell_bands(height, DETAIL_ROWS, first, len(detail)):
             if rows := _common_rows(band, self._limited):
                 sky = detail[band.start - first : band.stop - first][rows]
                 np.minimum(sky, (shares[rows] @ ceiling[near]).reshape(sky.shape), out=sky)
@@ -209,12 +200,12 @@ def add_detail(
     fine = _photo_cells(photo, lighting, segments, projection, gain)
     rows = len(fine.log)
     rim = fine if rows == DETAIL_ROWS else fine.pooled()
-    fine_before = shrink_envmap(image, rows)
+    fine_before = latlong.shrink_envmap(image, rows)
     before = _pool(fine_before, DETAIL_ROWS)
     has_sun = lighting.sun_painted and lighting.sun_elevation > 0
     sun_angle = angle_between(latlong_directions(DETAIL_ROWS), lighting.sun_direction) if has_sun else None
     log = np.log(np.maximum(before, np.float32(1e-9)))
-    smoothing = blur_cells(log, _HORIZON_DEG) - log  # the horizon is where the detail has it
+    smoothing = latlong.blur_cells(log, _HORIZON_DEG) - log  # the horizon is where the detail has it
     blurred = np.exp(smoothing if sun_angle is None else smoothing * _share_off_sun(sun_angle, _GLOW_DEG))
     level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
     open_share = (1 - rim.covered * (1 - rim.clipped)) * level
@@ -235,7 +226,7 @@ def add_detail(
         gains *= _hand_over(cells * gains, rim, reach)
         _keep_moments(gains, before, cells, open_share)
     fine_gains = np.ones_like(fine_cells)
-    list(map(multiply_cells, np.split(fine_gains, 2), np.split(gains, 2)))
+    list(map(latlong.multiply_cells, np.split(fine_gains, 2), np.split(gains, 2)))
     fine_gains *= _hand_over(fine_cells * fine_gains, fine, *_BAND_DEG)
     detail.gains = fine_gains
     detail.multiply(image)
@@ -344,10 +335,10 @@ def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
     """
     share = np.ascontiguousarray(open_share[..., 0])
     light, reached = (np.ascontiguousarray(np.moveaxis(image, 2, 0)) * share for image in (before, lit))
-    color, level = blur_channels(light, _COLOR_DEG), blur_channels(light, _LIGHT_DEG)
+    color, level = latlong.blur_channels(light, _COLOR_DEG), latlong.blur_channels(light, _LIGHT_DEG)
     level, gains = np.tensordot(LUMINANCE_WEIGHTS, level, axes=1), np.ones_like(light)
     for deg, wanted in 2 * ((_COLOR_DEG, color), (_LIGHT_DEG, level)):
-        blurred = blur_channels(reached, deg)
+        blurred = latlong.blur_channels(reached, deg)
         if deg == _LIGHT_DEG:
             blurred = np.tensordot(LUMINANCE_WEIGHTS, blurred, axes=1)
         change = np.clip(wanted / np.maximum(blurred, np.float32(1e-9)), *_GAIN_RANGE)
@@ -378,7 +369,7 @@ def _hand_over(lit: Image, photo: _PhotoCells, *reaches: tuple[float, float]) ->
         parts[3], parts[4] = edge, photo.covered[half, :, 0] > _LEAST_COVERED
         for reach in reaches:
             np.multiply(off, rim, out=parts[:3])
-            blurred = blur_channels(parts, *reach)
+            blurred = latlong.blur_channels(parts, *reach)
             spread, whole, inside = blurred[:3], blurred[3], blurred[4]
             change = spread * (np.minimum(2 * inside, 1) / np.maximum(whole, _TINY))  # less and less beyond the edges
             log_gains[:, half] += change

@@ -74,7 +74,7 @@ _FEW_CELLS = 3.0  # of ground or leaves, by which their colors count half
 _WATER_COST = 4.0  # of a shore without water in the photo, and of none with it
 _WATER_SHARES = (0.05, 0.12)  # of water's rows up to which a photo is none of a shore, and from which it is one
 _TOWN_COST = 4.0  # of a town without buildings in the photo, and of none with them
-_TOWN_SHARES = (0.1, 0.3)  # the same of `_skyline`
+_TOWN_SHARES = (0.1, 0.3)  # of the cells near the horizon that most show a building, the same
 _BARE_COST = 3.0  # of a bare place with plants or buildings in the photo
 _BARE_SHARES = (0.03, 0.15)  # the same of plants and buildings in the band
 _GARDEN_COST = 1.5  # of a garden without buildings in the photo
@@ -257,7 +257,10 @@ def describe_photo(
     broad = np.log(np.maximum(around @ LUMINANCE_WEIGHTS, 1e-3))
     target = np.concatenate([shown, broad[None], kinds]).astype(np.float32)
     weight = _feature_weights(seen, level, segments is not None)
-    saturation, azimuth = _saturation(flat), lighting.sun_azimuth if lighting.sun_shines else None
+    log = np.log(np.maximum(flat, LOG_OFFSET))
+    spread = float(np.std(log[:, 0] - log[:, 1]) + np.std(log[:, 2] - log[:, 1]))  # of its colors: 0 of a grey photo
+    saturation = round(min(spread / _COLORFUL, 1.0), 2)
+    azimuth = lighting.sun_azimuth if lighting.sun_shines else None
     likely = None
     if segments is not None and surroundings is not None:
         likely = kind_probability(kind_features(segments, surroundings), load_detail_library().kind_weights)
@@ -266,13 +269,6 @@ def describe_photo(
         likely[_SNOW] = 0.0
         likely /= likely.sum()
     return PhotoFeatures(target, weight, azimuth, saturation, snow, likely)
-
-
-def _saturation(colors: Image) -> float:
-    """How colorful detail may be beside samples (P, 3) of a photo: 0 for a grey one."""
-    log = np.log(np.maximum(colors, LOG_OFFSET))
-    spread = float(np.std(log[:, 0] - log[:, 1]) + np.std(log[:, 2] - log[:, 1]))
-    return round(min(spread / _COLORFUL, 1.0), 2)
 
 
 def _feature_weights(seen: Floats, level: Floats, classes: bool = True) -> Image:
@@ -284,12 +280,8 @@ def _feature_weights(seen: Floats, level: Floats, classes: bool = True) -> Image
         classes: whether it is known what the cells show.
     """
     share = seen / max(float(seen.sum()), 1e-6)
-    of_classes = [_CLASS_WEIGHT * classes] * len(FEATURE_CLASSES)
-    weights = [
-        *(share * w for w in _SEEN_WEIGHTS),
-        _BROAD_WEIGHT * level / level.sum(),
-        *(share * w for w in of_classes),
-    ]
+    of_classes = [share * (_CLASS_WEIGHT * classes)] * len(FEATURE_CLASSES)
+    weights = [*(share * w for w in _SEEN_WEIGHTS), _BROAD_WEIGHT * level / level.sum(), *of_classes]
     return np.stack(weights).astype(np.float32)
 
 
@@ -365,7 +357,11 @@ def _around_cost(library: DetailLibrary, target: Image, weight: Image) -> Floats
     cost = np.asarray((library.shares - expected) ** 2 @ (np.array(_AROUND_WEIGHTS) * known))
     dry = max(1.0 - 2 * building, 0.0)  # wet streets look like water
     wet = dry * float(np.interp(water, _WATER_SHARES, (0.0, 1.0)))
-    built = float(np.interp(_skyline(target, weight), _TOWN_SHARES, (0.0, 1.0)))
+    number = FEATURES.index("building")
+    seen = weight[number, _SKYLINE] > 0
+    highest = (target[number, _SKYLINE] * seen).max(axis=0)  # near the horizon, in the columns that the photo shows
+    skyline = float(highest.sum() / max(np.count_nonzero(seen.any(axis=0)), 1))
+    built = float(np.interp(skyline, _TOWN_SHARES, (0.0, 1.0)))
     for kinds, halves, degree, price in (
         (_SHORES, (), wet, _WATER_COST * float(known[2])),
         (_TOWNS, _HALF_TOWNS, built, _TOWN_COST * float(known[0])),
@@ -376,14 +372,6 @@ def _around_cost(library: DetailLibrary, target: Image, weight: Image) -> Floats
     house = float(np.interp(building, _GARDEN_SHARES, (0.0, 1.0))) if known[0] else 1.0
     cost += _GARDEN_COST * (1 - house) * (library.kind == "garden")
     return np.asarray(cost + _BARE_COST * grown * np.isin(library.kind, _BARE))
-
-
-def _skyline(target: Image, weight: Image) -> float:
-    """The mean, over the columns that a photo shows, of the cell near the horizon that most shows a building."""
-    number = FEATURES.index("building")
-    seen = weight[number, _SKYLINE] > 0
-    highest = (target[number, _SKYLINE] * seen).max(axis=0)
-    return float(highest.sum() / max(np.count_nonzero(seen.any(axis=0)), 1))
 
 
 def _color_cost(library: DetailLibrary, target: Image, weight: Image) -> Floats:

@@ -17,26 +17,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.envmap.latlong as latlong
+import lighting.geometry as geometry
 from lighting.color import luminance
-from lighting.envmap.latlong import (
-    EPSILON_IRRADIANCE,
-    MAX_RADIANCE,
-    Image,
-    irradiance_from_rows,
-    row_irradiance,
-    scale_colors,
-)
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, MAX_RADIANCE, Image
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import (
-    SUN_RADIUS,
-    Floats,
-    angle_between,
-    angles,
-    direction,
-    latlong_angles,
-    latlong_directions,
-    latlong_solid_angle,
-)
+from lighting.geometry import SUN_RADIUS, Floats, angle_between, angles, direction, latlong_angles
 from lighting.map_options import MAX_WHOLE_HEIGHT, check_height
 from lighting.records import GROUND_REFLECTANCE, Lighting, check_lighting
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, Weather, sky_shape
@@ -135,9 +121,9 @@ def _render_sky(rows: Image, first: int, lighting: Lighting, sky: str, gain: Flo
         return None
     _render_sky_shape(rows, first, lighting, sky)
     if gain is None:
-        reached = irradiance_from_rows(row_irradiance(height)[: len(rows)], rows)
+        reached = latlong.irradiance_from_rows(latlong.row_irradiance(height)[: len(rows)], rows)
         gain = (1 - cover) * irradiance / np.maximum(reached, EPSILON_IRRADIANCE)
-    scale_colors(rows, gain)
+    latlong.scale_colors(rows, gain)
     if overcast is not None:
         added = np.tile(np.asarray(cover * irradiance, dtype=np.float32), rows.shape[1])  # as in `scale_colors`
         flat, count = rows.reshape(len(rows), -1), max(1, _CHUNK_PIXELS // added.size)
@@ -197,16 +183,16 @@ def cap_map(image: Image, lighting: Lighting) -> None:
     if not _may_be_capped(lighting):
         return
     limit = np.float32(MAX_RADIANCE)
-    for levels, rows in zip(np.split(row_irradiance(len(image)), 2), np.split(image, 2), strict=True):
+    for levels, rows in zip(np.split(latlong.row_irradiance(len(image)), 2), np.split(image, 2), strict=True):
         if rows.max() <= limit:
             continue
-        target = irradiance_from_rows(levels, rows)
+        target = latlong.irradiance_from_rows(levels, rows)
         for _ in range(_CAP_STEPS):
             np.minimum(rows, limit, out=rows)
-            short = target / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE)
+            short = target / np.maximum(latlong.irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE)
             if short.max() <= 1 + _CAP_TOLERANCE:
                 break
-            scale_colors(rows, short)
+            latlong.scale_colors(rows, short)
         else:
             raise _too_bright()
 
@@ -266,8 +252,8 @@ def _sun_glow(
     Where that would be over MAX_RADIANCE, its peak is flattened as far as it must be.
     """
     upper = background[: len(background) // 2]
-    weight = latlong_solid_angle(len(background))[: len(upper)]
-    glow = shape(latlong_directions(len(background))[: len(upper)], lighting.sun_direction)
+    weight = geometry.latlong_solid_angle(len(background))[: len(upper)]
+    glow = shape(geometry.latlong_directions(len(background))[: len(upper)], lighting.sun_direction)
     for _ in range(_GLOW_STEPS):
         total = max(float(weight @ glow.sum(axis=1)), EPSILON_IRRADIANCE)
         peak = glow >= _PEAK_SHARE * glow.max()
@@ -291,7 +277,7 @@ def _overcast_rows(rows: int) -> Image:
     """Radiance (rows, 1, 1) of the overcast sky of irradiance 1, row by row from the zenith."""
     up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
     radiance = (1 + 2 * up) / 3
-    return np.asarray(radiance / (row_irradiance(2 * rows)[:rows] @ radiance), dtype=np.float32)[:, None, None]
+    return np.asarray(radiance / (latlong.row_irradiance(2 * rows)[:rows] @ radiance), dtype=np.float32)[:, None, None]
 
 
 def _render_sky_shape(image: Image, first: int, lighting: Lighting, sky: str) -> None:
@@ -424,14 +410,14 @@ def clear_irradiance(lighting: Lighting) -> Floats:
 
 def _painted_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) of a horizontal surface by PAINTED_SKY, in its own unit."""
-    model, directions = SKY_MODELS[PAINTED_SKY], latlong_directions(_IRRADIANCE_ROWS)[: _IRRADIANCE_ROWS // 2]
+    model, directions = SKY_MODELS[PAINTED_SKY], geometry.latlong_directions(_IRRADIANCE_ROWS)[: _IRRADIANCE_ROWS // 2]
     weather = Weather(lighting.turbidity, lighting.ground_albedo, 0.0, 0.0)
     return _level_irradiance(np.asarray(model.shape(directions, lighting.sun_direction, weather), dtype=np.float32))
 
 
 def _level_irradiance(sky: Image) -> Floats:
     """Irradiance (3,) of a horizontal surface by the upper half (R, 4R, 3) of a map."""
-    return np.asarray(row_irradiance(2 * len(sky))[: len(sky)] @ sky.mean(axis=1, dtype=np.float64))
+    return np.asarray(latlong.row_irradiance(2 * len(sky))[: len(sky)] @ sky.mean(axis=1, dtype=np.float64))
 
 
 def _sun_disc_pixels(
@@ -447,7 +433,7 @@ def _sun_disc_pixels(
     """
     width = 2 * height
     row, column, directions = _fine_grid(lighting, height)
-    solid_angle = latlong_solid_angle(height)
+    solid_angle = geometry.latlong_solid_angle(height)
     if lighting.sun_irradiance is None:
         radiance = sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
     else:  # in one color: through haze, the model's of a setting sun lacks channels or is black

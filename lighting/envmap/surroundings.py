@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.envmap.detail_library as detail_library
-import lighting.envmap.latlong as latlong
 import lighting.envmap.library_picture as library_picture
 from lighting.color import LUMINANCE_WEIGHTS, check_pixels
 from lighting.envmap.detail import MIN_ROWS, AddedDetail, add_detail
-from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells, row_irradiance
 from lighting.envmap.projection import CELL_RATIO_RANGE, PhotoProjection, PhotoScale, extrapolate_edges, project_photo
 from lighting.envmap.render import add_sun, cap_map, render, render_bare, render_rows, sun_in_map
 from lighting.errors import ErrorCode, ParameterError
@@ -200,7 +199,7 @@ def _lay_photo(
     They then have these irradiances (3,).
     """
     scales = []
-    levels = latlong.row_irradiance(len(image))
+    levels = row_irradiance(len(image))
     for number, (rows, target) in enumerate(zip(_halves(len(image)), targets, strict=True)):
         if factors is not None:
             multiply_cells(image[rows], np.split(factors, 2)[number])
@@ -406,6 +405,6 @@ def _halves(height: int) -> tuple[slice, slice]:
 
 def _half_irradiances(image: Image) -> tuple[Floats, Floats]:
     """Irradiances (3,) of level ground from above and from below."""
-    levels = np.split(latlong.row_irradiance(len(image)), 2)
+    levels = np.split(row_irradiance(len(image)), 2)
     above, below = map(irradiance_from_rows, levels, np.split(image, 2))
     return above, below

@@ -16,15 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.decoding as decoding
 from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines, lens_ratio, shrink_to_gray
-from lighting.decoding import (
-    candidate_suns,
-    correct_sun_color,
-    doubts_sun,
-    lighting_from_prediction,
-    with_dappled_sun,
-    with_ground_color,
-)
 from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, share_sky_color, snow_gain
 from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.shadow_mask import dappled_sunlight
@@ -111,8 +104,7 @@ def _check_metadata(
     if not user_input.metadata:
         return metadata, ()
     about_kind = (CodedWarning(_PANORAMA, WarningCode.PANORAMA),) if metadata.is_panorama else ()
-    about_lens: tuple[CodedWarning, ...] = ()
-    about_place: tuple[CodedWarning, ...] = ()
+    about_lens, about_place = tuple[CodedWarning, ...](), tuple[CodedWarning, ...]()
     if user_input.vertical_fov is None and user_input.camera is None:
         metadata, about_lens = _choose_lens(metadata, prediction.vertical_fov)
     if user_input.latitude is None:
@@ -197,12 +189,10 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
     """
     headings: Any = _heading_fields(posterior)
     each = zip(prior.observations.candidates, prior.instants.instants, strict=False)
-    matching = [
-        instant for sun, instant in each if sun == posterior.candidate
-    ]  # the likeliest sun
+    matching = [instant for sun, instant in each if sun == posterior.candidate]  # the likeliest sun
     instant = max(matching, key=lambda instant: instant.weight, default=prior.instants.likeliest)
     conflict = prior.instants.conflict_warnings(instant, posterior.candidate_probability)
-    lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
+    lighting = decoding.lighting_from_prediction(posterior.prediction, posterior.sun)
     suitable, warnings = lighting.suitable, (*prior.warnings, *conflict, *posterior.warnings)
     if suitable is not None:
         if (exposure_value := prior.observations.exposure_value) is not None:
@@ -230,7 +220,7 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
     )
     light, distribution = posterior.prediction.light, posterior.on_cells()
     around = light.surroundings if light else None
-    answer = replace(answer, sun_candidates=candidate_suns(answer, posterior.directions, distribution))
+    answer = replace(answer, sun_candidates=decoding.candidate_suns(answer, posterior.directions, distribution))
     return EstimatedLight(answer, distribution, around)
 
 
@@ -260,7 +250,7 @@ def _sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrior) ->
         if predicted is None:
             predicted = float(angles(posterior.prediction.sun_direction)[1])
         known = lighting.sun_elevation if EvidenceKind.TIME_AND_PLACE in posterior.used else predicted
-        irradiance = correct_sun_color(irradiance, predicted, known)
+        irradiance = decoding.correct_sun_color(irradiance, predicted, known)
     return lighting.sun_elevation, lighting.sun_visibility, irradiance
 
 
@@ -378,14 +368,14 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLig
     if len(photos) == 1:
         lights = [_with_ground_light(photos[0], samples[0], lights[0])]
     lights = share_sky_color(samples, lights)
-    lights = list(map(with_ground_color, lights, map(estimate_ground_albedo, samples, lights, around)))
+    lights = list(map(decoding.with_ground_color, lights, map(estimate_ground_albedo, samples, lights, around)))
     return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
 
 
 def _with_ground_light(photo: Photo, samples: PhotoSamples, light: Lighting) -> Lighting:
     """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
-    if doubts_sun(light) and (dapple := dappled_sunlight(photo.pixels, light)) is not None:
-        light = with_dappled_sun(light, *dapple)
+    if decoding.doubts_sun(light) and (dapple := dappled_sunlight(photo.pixels, light)) is not None:
+        light = decoding.with_dappled_sun(light, *dapple)
     if (gain := snow_gain(samples, light)) == 1:
         return light
     return scale_exposure(light, np.full(3, gain))

@@ -12,20 +12,13 @@ SUN_CORRELATION was fitted; AZIMUTH_CORRELATION was chosen by the same loss on r
 scenes.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.prediction import Prediction
 from lighting.sun_grid import blur_headings, grid_directions, grid_solid_angle, smooth_density
-
-if TYPE_CHECKING:
-    from lighting.registration.photo_set import RegisteredView
-
-    Views = Sequence[RegisteredView]
 
 ELEVATION_KERNEL_STD = 4.0  # deg, kernel of an elevation's density: the size of a cell
 MIN_POOLED_DENSITY = 1e-12  # 1/sr, that stands for none where logarithms are taken

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
+import lighting.sun_grid as sun_grid
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.errors import CodedWarning, ErrorCode, ParameterError, WarningCode
 from lighting.formatting import format_azimuth, format_tilt
@@ -27,16 +28,7 @@ from lighting.fusion.visible_sun import reproject_sun, tilt_by_sun, visible_sun
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.prediction import Prediction, SunDistribution, SunEstimate
 from lighting.records import EvidenceKind
-from lighting.sun_grid import (
-    HEADINGS,
-    Heading,
-    credible_radii,
-    grid_directions,
-    heading_from_probability,
-    smooth_density,
-    splat_to_grid,
-    von_mises,
-)
+from lighting.sun_grid import HEADINGS, Heading
 
 COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median
 COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that say nothing: the uniform part of the prior
@@ -121,7 +113,7 @@ class Posterior:
     def on_cells(self) -> SunDistribution:
         """The same distribution over the network's own cells."""
         grid = self.prediction.spec.sun_grid
-        return SunDistribution(grid, splat_to_grid(self.probability, self.directions, grid).astype(np.float32))
+        return SunDistribution(grid, sun_grid.splat_to_grid(self.probability, self.directions, grid).astype(np.float32))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -295,7 +287,7 @@ def _fuse_shadows(leveled: _GravityFused) -> _GravityFused:
     if not observations.shadows:
         return leveled
     camera = _observed_camera(prediction, observations)
-    cells = grid_directions(prediction.spec.sun_grid)
+    cells = sun_grid.grid_directions(prediction.spec.sun_grid)
     probability = fuse_shadows(prediction.sun_probability, observations.shadows, camera, cells)
     pixels = float(angles(prediction.sun_direction)[0])
     warnings = [
@@ -361,7 +353,7 @@ def likelihood_by_heading(prediction: Prediction, candidates: Floats) -> Floats:
     """
     if not len(candidates):
         return np.empty((0, len(HEADINGS)))
-    return smooth_density(prediction.sun_probability, _ring_directions(candidates), prediction.spec.sun_grid)
+    return sun_grid.smooth_density(prediction.sun_probability, _ring_directions(candidates), prediction.spec.sun_grid)
 
 
 def compass_prior(observations: Observations) -> Floats:
@@ -372,7 +364,7 @@ def compass_prior(observations: Observations) -> Floats:
     """
     if observations.heading is None:
         return np.full(360, 1 / 360)
-    bell = von_mises(HEADINGS - observations.heading, observations.heading_std)
+    bell = sun_grid.von_mises(HEADINGS - observations.heading, observations.heading_std)
     return np.asarray((1 - COMPASS_OUTLIER_RATE) * bell / bell.sum() + COMPASS_OUTLIER_RATE / 360)
 
 
@@ -384,7 +376,7 @@ def posterior_on_grid(prediction: Prediction, observations: Observations) -> Pos
         observations: from metadata and user.
     """
     camera, used = _with_lens(prediction, observations), _used_evidence(prediction, observations)
-    sun, cells = sun_from_prediction(prediction), grid_directions(prediction.spec.sun_grid)
+    sun, cells = sun_from_prediction(prediction), sun_grid.grid_directions(prediction.spec.sun_grid)
     return Posterior(camera, sun, cells, prediction.sun_probability, used, predicted_sun_elevation=sun.elevation)
 
 
@@ -400,15 +392,15 @@ def posterior_on_rings(prediction: Prediction, observations: Observations, weigh
     candidates = candidates_above_horizon(observations)
     rings = _ring_directions(candidates)
     directions = rings.reshape(-1, 3)
-    sun, heading = sun_from_rings(directions, p.ravel()), heading_from_probability(p.sum(axis=0))
+    sun, heading = sun_from_rings(directions, p.ravel()), sun_grid.heading_from_probability(p.sum(axis=0))
     used = _used_evidence(prediction, observations)
     best, share = _likeliest_candidate(candidates, p.sum(axis=1))
     if len(candidates) > 1 and share >= _MIN_CHOSEN_SHARE:  # the answer is of one instant, its radii count all
         chosen = np.where((candidates == best).all(axis=1)[:, None], p, 0.0)
         alone = sun_from_rings(directions, chosen.ravel() / chosen.sum())
-        radii = credible_radii(p.ravel(), directions, direction(alone.azimuth, alone.elevation))
+        radii = sun_grid.credible_radii(p.ravel(), directions, direction(alone.azimuth, alone.elevation))
         sun = SunEstimate(alone.azimuth, alone.elevation, *radii)
-        heading = replace(heading, best=heading_from_probability(chosen.sum(axis=0) / chosen.sum()).best)
+        heading = replace(heading, best=sun_grid.heading_from_probability(chosen.sum(axis=0) / chosen.sum()).best)
     fused = Posterior(_with_lens(prediction, observations), sun, directions, p.ravel(), used, camera_heading=heading)
     return replace(fused, candidate=best, candidate_probability=share)
 

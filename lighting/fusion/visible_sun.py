@@ -46,18 +46,16 @@ def visible_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None)
     near = grid_directions(prediction.spec.sun_grid) @ sun >= math.cos(math.radians(_NEAR_ANGLE))
     if float(prediction.sun_probability @ near) < _MIN_VISIBLE_SHARE:
         return None
-    return sun if pixels is None or _has_glare(pixels, prediction, sun) else None
-
-
-def _has_glare(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -> bool:
-    """Whether the picture is white about the pixel of the sun (3,) by the network's own camera."""
+    if pixels is None:
+        return sun
     height, width = pixels.shape[:2]
     camera = Pinhole(width, height, prediction.vertical_fov, 0.0, prediction.camera_elevation, prediction.camera_roll)
-    x, y = geometry.camera_pixel(sun, camera)
+    x, y = geometry.camera_pixel(sun, camera)  # by the network's own camera
     reach = camera.focal_length * math.tan(math.radians(_GLARE_ANGLE))
     rows, columns = (slice(max(0, int(at - reach)), max(0, int(at + reach) + 1)) for at in (y, x))
     window = pixels[rows, columns]
-    return window.size > 0 and float(np.mean(luminance(window) >= _WHITE_LEVEL)) >= _MIN_WHITE_SHARE
+    is_white = window.size > 0 and float(np.mean(luminance(window) >= _WHITE_LEVEL)) >= _MIN_WHITE_SHARE
+    return sun if is_white else None
 
 
 def reproject_sun(prediction: Prediction, camera: Prediction, sun: Floats) -> NDArray[np.float32]:

@@ -153,9 +153,11 @@ def _draw_rings(panel: Image.Image, radius: float) -> None:
     center = panel.width / 2
     spokes = [np.array([[center - radius, center], [center + radius, center]])]
     spokes.append(spokes[0][:, ::-1])
-    rings = [_ring_pixels(center, radius * (90 - elevation) / 90) for elevation in _RINGS]
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    *rings, rim = (center + radius * (90 - elevation) / 90 * circle for elevation in (*_RINGS, 0))
     drawing.draw_lines(panel, spokes + rings, drawing.WHITE, 1, 0.22)
-    drawing.draw_lines(panel, [_ring_pixels(center, radius)], drawing.LINE, 2, 1.0)
+    drawing.draw_lines(panel, [rim], drawing.LINE, 2, 1.0)
     drawing.draw_text(panel, (center, 16), "front", drawing.TextStyle(18, drawing.TEXT, anchor="mm"))
     far = panel.width - 22.0
     for spot, word in (((center, panel.height - 16), "behind"), ((22.0, center), "left"), ((far, center), "right")):
@@ -172,11 +174,6 @@ def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
         out = center + radius * (90 - elevation) / 90
         spot = (out + 6, center - 3) if across else (center + 6, out - 3)
         drawing.draw_text(panel, spot, f"{elevation}°", drawing.TextStyle(15, drawing.TEXT, anchor="ls", shaded=True))
-
-
-def _ring_pixels(center: float, radius: float) -> Floats:
-    angle = np.linspace(0.0, 2 * np.pi, 181)
-    return np.stack([center + radius * np.cos(angle), center + radius * np.sin(angle)], axis=-1)
 
 
 def dome_pixels(directions: Floats, size: float, radius: float) -> Floats:

@@ -321,7 +321,12 @@ def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     middle = np.array([picture.width, picture.height]) / 2
     tip = middle + outward * np.min((middle - 14) / np.maximum(np.abs(outward), 1e-9))
     draw_arrow_head(picture, tip, outward, color)
-    label = tip - outward * 16 + [0, 30 if _is_free_below(tip, horizon_pixels(camera), picture.height) else -30]
+    horizon = horizon_pixels(camera)
+    order, drop = np.argsort(horizon[:, 0]), np.inf
+    if len(horizon):
+        drop = float(np.interp(tip[0], *horizon[order].T)) - tip[1]
+    below = drop < 0 if abs(drop) < _LABEL_REACH else tip[1] < picture.height / 2  # where no horizon crosses the words
+    label = tip - outward * 16 + [0, 30 if below else -30]
     draw_text_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, color)
 
 
@@ -337,10 +342,3 @@ def horizon_pixels(camera: Pinhole) -> Floats:
 def _camera_pixels(directions: Floats, camera: Pinhole) -> Floats:
     pixels = camera_pixel(directions, camera)
     return pixels[~np.isnan(pixels[:, 0])]
-
-
-def _is_free_below(tip: Floats, horizon: Floats, height: int) -> bool:
-    """Whether an arrow's words go below its tip (2,): on the side that a horizon (N, 2) near it does not cross."""
-    order = np.argsort(horizon[:, 0])
-    drop = float(np.interp(tip[0], *horizon[order].T)) - tip[1] if len(horizon) else np.inf
-    return bool(drop < 0 if abs(drop) < _LABEL_REACH else tip[1] < height / 2)

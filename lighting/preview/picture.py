@@ -253,16 +253,12 @@ def _format_short(value: float) -> str:
     return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
 
 
-def _format_short_azimuth(azimuth: float) -> str:
-    """An azimuth [deg] for a column of numbers: "ahead", "behind" or "41° left"."""
-    return {0: "ahead", 180: "behind"}.get(round(abs(azimuth)), format_side(azimuth))
-
-
 def _format_numbers(lighting: Lighting) -> list[tuple[str, str]]:
     """Names and values of the record, in words; a sun that was set by hand has no radii."""
+    azimuth = {0: "ahead", 180: "behind"}.get(round(abs(lighting.sun_azimuth)), format_side(lighting.sun_azimuth))
     radii = f"{_format_short(lighting.radius_50)}° / {_format_short(lighting.radius_90)}°"
     return [
-        ("Sun azimuth", _format_short_azimuth(lighting.sun_azimuth)),
+        ("Sun azimuth", azimuth),
         ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
         ("50 % / 90 % within", radii if lighting.radius_90 else "by hand"),
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
