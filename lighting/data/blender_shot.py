@@ -3,8 +3,8 @@
     blender --python shot.py                             opens it as a scene of its own
     blender --background --python shot.py -- --save      writes shot.blend
 
-The light is that of scene.py and stands still; the camera has a key frame for each frame of the clip, which hangs
-behind it.
+The light is that of scene.py and stands still. The camera has a key frame for each frame of the clip, and the clip
+hangs behind it.
 """
 
 from __future__ import annotations
