@@ -44,7 +44,7 @@ print(peak() - before, time.process_time() - began)
 
 
 def photo(width: int, height: int) -> Image.Image:
-    """A gradient with noise: it has more colours than a palette holds, and compresses within seconds."""
+    """A gradient with noise: it has more colors than a palette holds, and compresses within seconds."""
     tile = np.random.default_rng(0).integers(0, 60, (64, 64, 3), dtype=np.uint8)
     noise = np.tile(tile, (-(-height // 64), -(-width // 64), 1))[:height, :width]
     return Image.fromarray(noise + np.linspace(0, 190, width).astype(np.uint8)[:, None])
@@ -57,8 +57,8 @@ def _saved(image: Image.Image, file_format: str, **options: object) -> bytes:
 
 
 def _deep(width: int, height: int) -> bytes:
-    grey = np.asarray(photo(width, height).convert("L")).astype(np.uint16) * 257
-    return _saved(Image.fromarray(grey), "PNG", compress_level=1)
+    gray = np.asarray(photo(width, height).convert("L")).astype(np.uint16) * 257
+    return _saved(Image.fromarray(gray), "PNG", compress_level=1)
 
 
 def _jpeg(mode: str, **options: object) -> Callable[[int, int], bytes]:
@@ -84,7 +84,7 @@ def _flat(mode: str) -> Callable[[int, int], bytes]:
 KINDS: dict[str, Callable[[int, int], bytes]] = {
     "JPEG, baseline 4:2:0": _jpeg("RGB"),
     "JPEG, baseline CMYK": _jpeg("CMYK"),
-    "JPEG, progressive grey": _jpeg("L", progressive=True),
+    "JPEG, progressive gray": _jpeg("L", progressive=True),
     "JPEG, progressive 4:2:0": _jpeg("RGB", progressive=True),
     "JPEG, progressive 4:2:2": _jpeg("RGB", progressive=True, subsampling="4:2:2"),
     "JPEG, progressive 4:4:4": _jpeg("RGB", progressive=True, subsampling="4:4:4"),
@@ -92,8 +92,8 @@ KINDS: dict[str, Callable[[int, int], bytes]] = {
     "MPO": lambda w, h: _saved(photo(w, h), "MPO", save_all=True, append_images=[photo(w, h)]),
     "PNG, RGB": _other("PNG", compress_level=1),
     "PNG, RGBA": _other("PNG", "RGBA", compress_level=1),
-    "PNG, grey": _other("PNG", "L", compress_level=1),
-    "PNG, 16-bit grey": _deep,
+    "PNG, gray": _other("PNG", "L", compress_level=1),
+    "PNG, 16-bit gray": _deep,
     "PNG, palette": _other("PNG", "P", compress_level=1),
     "WebP, lossy": _other("WEBP", method=0),
     "WebP, lossy with alpha": _other("WEBP", "RGBA", method=0),

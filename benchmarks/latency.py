@@ -3,7 +3,7 @@
     python -m benchmarks.latency [--runs 15] [--cpu] [--against FOLDER]
 
 A floor is what the libraries alone need for the part: Pillow's decoding at reduced scale, Pillow's resizing to the
-network's input and onnxruntime's run of the same graph, a small grey picture and its gradient by numpy, a copy of the
+network's input and onnxruntime's run of the same graph, a small gray picture and its gradient by numpy, a copy of the
 map, Pillow's resizing of the photo and of the coarse panorama to the map's scale, its decoding and resizing of the
 panorama that lends its detail and a product with the map, OpenEXR's writing of the same array into memory. Every EXR
 is a new file: replacing one costs the file system milliseconds. `--against FOLDER` has another checkout make the map by
@@ -81,12 +81,12 @@ def decode_by_pillow(path: Path) -> Image.Image:
 
 
 def compute_gradient(pixels: NDArray[np.uint8]) -> None:
-    """The small grey picture of pixels (h, w, 3), and numpy's gradient of it."""
+    """The small gray picture of pixels (h, w, 3), and numpy's gradient of it."""
     np.gradient(shrink_to_gray(pixels).astype(np.float32))
 
 
 def opencv_detector(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
-    """The small grey picture of pixels (h, w, 3), and OpenCV's line segments in it; None without OpenCV."""
+    """The small gray picture of pixels (h, w, 3), and OpenCV's line segments in it; None without OpenCV."""
     if find_spec("cv2") is None:
         return None
     import cv2

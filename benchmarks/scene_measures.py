@@ -20,11 +20,11 @@ class Picture:
     elevation: float
     roll: float
     position: Floats  # (3,)
-    ball: Floats  # (3,) its centre
+    ball: Floats  # (3,) its center
     radius: float  # of the ball
     caster: Floats  # (3,) the foot of what casts the shadow whose direction is measured
     reach: tuple[float, float]  # distances from it where the shadow is looked at
-    obstacles: Floats  # (N, 4) spheres, centre and radius, that may hide ground from the camera
+    obstacles: Floats  # (N, 4) spheres, center and radius, that may hide ground from the camera
 
     @property
     def foot(self) -> Floats:
@@ -101,9 +101,9 @@ def unhidden(picture: Picture, points: Floats) -> NDArray[np.bool_]:
     """Which of points (N, 3), in ball radii from where it stands, lie in the picture with no object before them."""
     sight = picture.foot + picture.radius * points - picture.position
     distance = np.linalg.norm(sight, axis=1, keepdims=True)
-    centres = picture.obstacles[:, :3] - picture.position
-    along = np.clip(sight / distance @ centres.T, 0, distance)
-    gap = np.linalg.norm(sight[:, None] / distance[:, None] * along[..., None] - centres, axis=-1)
+    centers = picture.obstacles[:, :3] - picture.position
+    along = np.clip(sight / distance @ centers.T, 0, distance)
+    gap = np.linalg.norm(sight[:, None] / distance[:, None] * along[..., None] - centers, axis=-1)
     height, width = picture.pixels.shape[:2]
     pixel = camera_pixel(
         sight, Pinhole(width, height, picture.vertical_fov, elevation=picture.elevation, roll=picture.roll)

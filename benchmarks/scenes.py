@@ -154,21 +154,21 @@ def preview(scene: Scene, *, alone: bool = False) -> tuple[NDArray[np.uint8], Pi
     width, height = SIZE
     lighting = scene.lighting
     pitch = float(np.clip(lighting.camera_elevation, *PITCH))
-    centres = sphere_centers(width / height, pitch)
+    centers = sphere_centers(width / height, pitch)
     if alone:
-        centres[:DIFFUSE, 0] -= 1000.0
-    linear = render_spheres(render(lighting, 1024), lighting, width, height, 2, centres)
+        centers[:DIFFUSE, 0] -= 1000.0
+    linear = render_spheres(render(lighting, 1024), lighting, width, height, 2, centers)
     picture = Picture(
         linear,
         VERTICAL_FOV,
         pitch,
         0.0,
         np.zeros(3),
-        centres[DIFFUSE],
+        centers[DIFFUSE],
         1.0,
-        centres[DIFFUSE] - [0.0, 1.0, 0.0],
+        centers[DIFFUSE] - [0.0, 1.0, 0.0],
         (1.5, 2.5),
-        np.hstack([centres, np.ones((3, 1))]),
+        np.hstack([centers, np.ones((3, 1))]),
     )
     return np.asarray(Image.fromarray(tone_map(linear)).reduce(2)), picture
 

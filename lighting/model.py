@@ -230,7 +230,7 @@ def fit_size(width: int, height: int, spec: ModelSpec) -> tuple[int, int]:
 
 
 def pad_to_input(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float32]:
-    """Canvas (3, H, W) with the normalised pixels at its centre, and 0, the mean color, beside them.
+    """Canvas (3, H, W) with the normalised pixels at its center, and 0, the mean color, beside them.
 
     An odd margin puts the extra row or column after the photo.
 

@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def add_monkey(scene: Any) -> None:
-    """Of grey matter, on the spot."""
+    """Of gray matter, on the spot."""
     bpy.ops.mesh.primitive_monkey_add(size=1.0, location=scene.cursor.location)
     monkey = bpy.context.object
     monkey.location.z += 0.45

@@ -139,7 +139,7 @@ curl -F photo=@photo.jpg -F height=256 -F format=hdr http://127.0.0.1:8000/v1/en
 - **A photo** is the file `photo` of a form, or the whole body: JPEG, PNG, WebP, TIFF, AVIF or HEIC. URLs of photos and
   photos inside JSON are refused.
 - **Parameters** go into the URL or the form, each once.
-- **Angles** are degrees. Azimuth 0 is where the camera points, positive to the right. Colours are linear Rec.709.
+- **Angles** are degrees. Azimuth 0 is where the camera points, positive to the right. Colors are linear Rec.709.
 - **`ETag`** is in every answer: the same one, the same answer. `GET` with it in `If-None-Match` answers 304.
   `POST` ignores that header, as RFC 9110 (13.2.1) says of methods that neither read nor change what lies at an address.
 - **Errors** are `application/problem+json`. Programs read `type`, and each error's `field` and `code`.

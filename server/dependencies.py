@@ -170,8 +170,8 @@ class Service:
 
     def warm_up(self) -> None:
         """Estimate the light of a gray image; the service is ready afterwards."""
-        grey = np.full((64, 96, 3), 128, dtype=np.uint8)
-        self.estimator(Photo(grey, 96, 64, "JPEG"))
+        gray = np.full((64, 96, 3), 128, dtype=np.uint8)
+        self.estimator(Photo(gray, 96, 64, "JPEG"))
         self.metrics.model.labels(self.estimator.model.spec.name, self.estimator.model.spec.version).set(1)
         self.ready = True
         log.info("ready: network %s, %d at once", self.model_name, self.settings.workers)

@@ -232,7 +232,7 @@ async def _plan_day(
 
 @_get_of_sky("/scene", "A scene for another tool, of a sky", _SCENE_RESPONSE)
 async def _render_scene(admission: AdmissionDep, query: Annotated[queries.SkySceneQuery, Query()]) -> Response:
-    """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
+    """Camera, sun, map, ground and a placeholder as a ZIP; a gray picture stands where a photo goes."""
     return await _answer_from_cache(admission, query, lambda: _answer_scene(admission, tasks.zip_scene_of_sky, query))
 
 

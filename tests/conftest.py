@@ -118,7 +118,7 @@ def write_network(
     bias: float = 0.0,
     more: Mapping[str, NDArray[np.float64]] | None = None,
 ) -> Path:
-    """An ONNX file of the real layout: a softmax and six numbers, both linear in the mean colour of the canvas.
+    """An ONNX file of the real layout: a softmax and six numbers, both linear in the mean color of the canvas.
 
     `more` are further outputs by name, the same for every photo.
     """

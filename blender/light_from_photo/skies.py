@@ -43,7 +43,7 @@ def pixels(light: Lighting, shines: bool) -> Any:
 
 
 def sun(light: Lighting, shines: bool) -> dict[str, Any]:
-    """What `aim_sun` takes: direction, colour and irradiance."""
+    """What `aim_sun` takes: direction, color and irradiance."""
     color, intensity = color_and_intensity(sun_light(light)[0] if shines else np.zeros(3))
     return {
         "direction": to_z_up(light.sun_direction).tolist(),

@@ -142,7 +142,7 @@ def _add_noise(linear: Linear, _: Crop, rng: np.random.Generator) -> Linear:
 
 
 def _tone(picture: Picture, _: Crop, rng: np.random.Generator) -> Picture:
-    """Gamma, an S-curve, lifted blacks by table; then saturation, at times down to grey."""
+    """Gamma, an S-curve, lifted blacks by table; then saturation, at times down to gray."""
     v = np.linspace(0, 1, 256) ** np.exp(rng.normal(0, 0.15))
     v = v + rng.uniform(-0.15, 0.35) * v * (1 - v) * (2 * v - 1) * 2
     lift = 0.08 * rng.random() ** 2

@@ -47,7 +47,7 @@ from lighting.prediction import photo_segments
 _LICENCE = "poly haven"  # beside "cc0" in the field of a row whose panorama may ship
 _LEFT_OUT = (
     *("mfecane_1189", "mfecane_1213"),  # others show the same
-    *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
+    *("mfecane_1193", "outdoor_umbrellas"),  # colored umbrellas all over the sky
     "industrial_sunset_02",  # no detail but rows of plants
     *("docklands_02_sceneview", "mfecane_1211", "mfecane_1227"),  # one knows the place: crane, ruin, domes
     "mfecane_1222",  # a wall so near that it fills half the map

@@ -30,7 +30,7 @@ from lighting.probe.sun_detection import ANALYSIS_HEIGHT, DetectedSun, find_sun
 _MAX_STD = 12.0  # deg, of a sun around which a fitted sky is trusted
 _INDEX_STD = 5.0  # deg, of a sun of the index that states no uncertainty
 _OUTLIER = 20.0  # deg
-_RENDERED_SKIES, _RENDERED_ROWS = 60, 128  # that are labelled to see how well that goes
+_RENDERED_SKIES, _RENDERED_ROWS = 60, 128  # that are labeled to see how well that goes
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ class Panorama:
 
     @property
     def sky_is_altered(self) -> bool:
-        """Whether the notes say that the sky is no measurement: tone-mapped, painted in, or with a colour cast."""
+        """Whether the notes say that the sky is no measurement: tone-mapped, painted in, or with a color cast."""
         return bool(_ALTERED_SKY.search(self.notes.lower()))
 
     @property

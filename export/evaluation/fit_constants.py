@@ -1,4 +1,4 @@
-"""The constants of light that are fitted to data: ground and sky of a photo, colour and power of the sun.
+"""The constants of light that are fitted to data: ground and sky of a photo, color and power of the sun.
 
 FIT_REPORTS names them. Each fit prints the constants, and the errors with and without them.
 """
@@ -48,7 +48,7 @@ _GROUND_STOPS = np.linspace(0.0, 0.6, 7)  # stops by which it is too dark, tried
 _MIN_LUMINANCE = 1e-6
 _SKY_CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
 _COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))  # ranges of cover, 0 clear to 1 overcast, told apart
-SUN_POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)  # of the clear sun's colour, tried
+SUN_POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)  # of the clear sun's color, tried
 _MIN_ELEVATION = 1.0  # deg, of the sun, under which a clear sky says little of its power
 _ITERATIONS = 20  # of least squares, weighted so that it comes near to least absolute errors
 _L1_SCALE = 0.1  # nat, error from which a crop counts for less
@@ -145,12 +145,12 @@ def _balanced(grounds: GroundSamples) -> GroundSamples:
     return select_crops(grounds, np.concatenate([np.resize(indices, int(counts.max())) for indices in members]))
 
 
-# The sky's colour: how far that of the sky in a photo may be trusted for the whole sky.
+# The sky's color: how far that of the sky in a photo may be trusted for the whole sky.
 
 
 @dataclass(frozen=True, eq=False)
 class SkySamples:
-    """Crops whose sky's power is known, in the colours of many cameras."""
+    """Crops whose sky's power is known, in the colors of many cameras."""
 
     ratio: Floats  # (N, 3) of the sky in the picture to the map, green 1; NaN where none is seen
     cover: Floats  # (N,)
@@ -183,7 +183,7 @@ def _sample_skies(model: Model, data: Path, labels: Path, part: str) -> SkySampl
         if not np.isfinite(true).all():
             continue
         for number, camera in enumerate(_SKY_CAMERAS):
-            rng = crop_rng(source.panorama.name, number, "colour of the sky")
+            rng = crop_rng(source.panorama.name, number, "color of the sky")
             crop = crop_panorama(source, camera(rng), model.spec)
             pixels, gains, _ = augment(crop, rng)
             height, width = pixels.shape[:2]
@@ -216,7 +216,7 @@ def fit_sky_trust(skies: SkySamples) -> Floats:
 
 
 def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
-    """The fit on `train`, and errors of colour in both splits, by cover."""
+    """The fit on `train`, and errors of color in both splits, by cover."""
     parts = {part: _sample_skies(model, data, labels, part) for part in _SPLITS}
     trust = fit_sky_trust(parts["train"].with_sky)
     rows = []
@@ -233,9 +233,9 @@ def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
     return f"{first}; {share}\n\n{markdown_table(['split', 'cover', 'crops', *names], rows)}"
 
 
-# The sun's colour: how far it goes to that of a clear sky's sun at the same height. Most panoramas clip the sun; its
+# The sun's color: how far it goes to that of a clear sky's sun at the same height. Most panoramas clip the sun; its
 # target is then their sky's times a clear sky's ratio. In 8-bit pictures, whose sky is too blue, such a sun has too
-# little red. The sunny HDR panoramas say how its colour is: the network saw those of `train`, not those of `val`.
+# little red. The sunny HDR panoramas say how its color is: the network saw those of `train`, not those of `val`.
 # Some clip the sun as well, so the errors on `train` stand once more without these; few notes of `val` say it.
 
 
@@ -289,7 +289,7 @@ def sun_color_errors(suns: Sequence[SunSample], power: float) -> Floats:
 
 
 def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
-    """The errors of colour by power, on `train` and on `val`."""
+    """The errors of color by power, on `train` and on `val`."""
     train, val = (_sample_suns(model, take_hdr_crops(data, labels, model.spec, part)) for part in _SPLITS)
     unclipped = [sun for sun in train if sun.unclipped]
     parts = {"train": train, **({"train, unclipped": unclipped} if unclipped else {}), "val": val}
@@ -299,7 +299,7 @@ def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
         rows.append([f"{power:g}", *(f"{sun:.1f}° / {level:.1f}°" for sun, level in pairs)])
     counts = ", ".join(f"{len(suns)} crops of `{part}`" for part, suns in parts.items())
     header = ["power", *(f"{part}: sun / level light" for part in parts)]
-    return f"Error of colour in {counts}, the mean of places\n\n{markdown_table(header, rows)}"
+    return f"Error of color in {counts}, the mean of places\n\n{markdown_table(header, rows)}"
 
 
 # The sun's power: how far the network understates a sun that shines. A network that minimises errors keeps to the

@@ -131,7 +131,7 @@ def mean_light_map(lights: Sequence[TrueLight]) -> Floats:
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
 MIN_SUN_SHARE = 0.1  # of the sky's level irradiance, from which a sun counts as painted
 _NOTE = (
-    "Medians over crops, true light of the panorama in the crop's exposure. Bias and size of errors in stops, colours "
+    "Medians over crops, true light of the panorama in the crop's exposure. Bias and size of errors in stops, colors "
     "as angles between RGB vectors in degrees. Balls and plane: RMSE and RMSE after the best scale by the truth's "
     "root mean square, and RGB angle. A sun counts as painted where it gives level ground over a tenth of what the sky "
     "gives."
@@ -270,7 +270,7 @@ def _section(crops: Sequence[LitCrop], methods: dict[str, _Guess], kind: str) ->
 
 def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
     """Irradiance, ratio of sun to sky, and ground of each method."""
-    header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
+    header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "color"]
     rows = []
     for name, guess in methods.items():
         up, down = zip(*(_level_irradiances(image) for image in guess.maps), strict=True)

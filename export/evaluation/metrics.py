@@ -251,7 +251,7 @@ def _horizontal_fov(camera: Floats, aspect: Floats) -> Floats:
 
 
 def horizon_ends(camera: Floats, aspect: Floats) -> Floats:
-    """Heights (N, 2) of the horizon at the picture's left and right edge, in picture heights above its centre.
+    """Heights (N, 2) of the horizon at the picture's left and right edge, in picture heights above its center.
 
     Args:
         camera: (N, 3) elevation, roll and vertical field of view, deg.

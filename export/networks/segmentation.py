@@ -1,7 +1,7 @@
 """The branch of a network that says what each cell of the canvas shows.
 
 It goes on from the maps that all networks share, by further blocks of the same backbone. These keep their ImageNet
-weights, too, for the labelled pictures are few: only the head learns. The maps at an eighth and a sixteenth of the
+weights, too, for the labeled pictures are few: only the head learns. The maps at an eighth and a sixteenth of the
 picture's resolution see a cell and what is near. Those at half of that, and their mean, see the whole scene.
 
 The maps of the branches that learned sun and camera tell less of what things are.

@@ -1,4 +1,4 @@
-"""How well photos' ground is found, and the spot where an object may stand, on labelled pictures (`ground.csv`)."""
+"""How well photos' ground is found, and the spot where an object may stand, on labeled pictures (`ground.csv`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -40,7 +40,7 @@ LETTERS = "GUWTBVPOMS"  # of the grid, in the order of SurfaceClass
 _COLUMNS = ("file", "split", "columns", "rows", "grid", "weak", "panorama")
 _VARIANTS = 8  # of each picture
 _STEPS = 1200
-_BATCH, _TAUGHT = 8, 24  # of a step: variants of labelled pictures, and of those without labels
+_BATCH, _TAUGHT = 8, 24  # of a step: variants of labeled pictures, and of those without labels
 _FEATURE_BATCH = 16  # pictures of which the frozen blocks are computed together
 _SPEC = network_specs("")["outdoor"]  # whose canvas a head sees
 _CANVAS = np.array([_SPEC.width, _SPEC.height])
@@ -52,10 +52,10 @@ _TURNED = 0.15  # share of the variants of the other orientation
 _STRETCH_STD = 0.1  # of the logarithm of a part's width over its height
 _NOISY, _NOISE = 0.3, np.float32(0.03)  # share of the variants with noise, and its standard deviation
 _SAMPLES = 4  # of a grid, each way in a cell of the canvas
-_BLUR = 0.2  # of a cell's label that it has from its neighbours: edges are uncertain by one class
+_BLUR = 0.2  # of a cell's label that it has from its neighbors: edges are uncertain by one class
 _RARITY_POWER = 0.15  # of a class's share by which its cells count more
 _GROUND_WEIGHT = 1.0  # of the loss of ground against the rest
-_GROUND_ODDS = 1.7  # by which ground is likelier than trained: half of the labelled pictures show none
+_GROUND_ODDS = 1.7  # by which ground is likelier than trained: half of the labeled pictures show none
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ def _picture(folder: Path, row: dict[str, str], groups: dict[str, str]) -> Label
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A part of a labelled picture that fills the canvas."""
+    """A part of a labeled picture that fills the canvas."""
 
     pixels: NDArray[np.uint8]  # (h, w, 3) sRGB
     target: NDArray[np.float32]  # (R, C, classes) shares in the cells of the canvas, 0 beside the part
@@ -257,7 +257,7 @@ def _average_cells(shares: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _compute_variants(frozen: _FrozenNetwork, parts: Iterable[_Part], blur: float) -> list[_Variant]:
-    """Parts of pictures as the head gets them; cells have that share of their labels from their neighbours."""
+    """Parts of pictures as the head gets them; cells have that share of their labels from their neighbors."""
     variants: list[_Variant] = []
     remaining = iter(parts)
     while some := list(islice(remaining, _FEATURE_BATCH)):
@@ -276,7 +276,7 @@ def _with_features(frozen: _FrozenNetwork, parts: Sequence[_Part], blur: float) 
 
 
 def _train_head(variants: Sequence[_Variant], taught: Sequence[_Variant]) -> SegmentationHead:
-    """A head that learned from labelled variants and from taught ones."""
+    """A head that learned from labeled variants and from taught ones."""
     torch.manual_seed(1)
     head, rng = SegmentationHead(), np.random.default_rng(0)
     share = torch.stack([v.target.sum(dim=(1, 2)) for v in variants]).mean(dim=0)
@@ -350,7 +350,7 @@ def train_segmentation(data: Path, teacher: Path, out: Path) -> str:
 def cross_validate_segmentation(
     data: Path, teacher: Path, folds: int
 ) -> Iterator[tuple[LabelledPicture, NDArray[np.float32]]]:
-    """All labelled pictures, each with what a head that learned nothing of its photographer or place says of it.
+    """All labeled pictures, each with what a head that learned nothing of its photographer or place says of it.
 
     Args:
         data: folder with `ground.csv`, photos and panoramas.

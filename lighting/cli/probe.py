@@ -102,7 +102,7 @@ _read_point = common.read_by(_pair, "{text!r} is not two numbers such as 1500,10
 @common.json_option
 @common.quiet_option
 def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet: bool, **options: Any) -> None:
-    """Merge bracketed EXPOSURES into one sky in the world's axes: centre column true north, right half east.
+    """Merge bracketed EXPOSURES into one sky in the world's axes: center column true north, right half east.
 
     With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
     filled in the SkyDB's layout, YYYYMMDD/HHMMSS/envmap.exr by UTC.
@@ -284,7 +284,7 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool, quiet: bool) 
         return
     trust = "" if fit.ok else ", not to be trusted"
     click.echo(
-        f"{escape_path(sky)}: sun {format_side(state.sun_azimuth, 1)} of the centre, "
+        f"{escape_path(sky)}: sun {format_side(state.sun_azimuth, 1)} of the center, "
         f"{state.sun_elevation:.1f}° high ({state.sun_source}); "
         f"turbidity {fit.turbidity:.1f}, exposure {fit.exposure:.4g}, residual {100 * fit.residual:.0f} %"
         f"{trust}; cover {100 * state.cover:.0f} %"

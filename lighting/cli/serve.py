@@ -24,7 +24,7 @@ from lighting.errors import MissingExtraError, PhotoError
 from lighting.files import escape_undecodable
 
 _LOOPBACK, _PORT = "127.0.0.1", 8000  # where the service listens, if nothing else is said
-_NEIGHBOURS = 100  # ports from there on that are tried before any free one
+_NEIGHBORS = 100  # ports from there on that are tried before any free one
 _ALL_ADDRESSES = {"0.0.0.0": _LOOPBACK, "::": "::1"}  # where this machine finds a service that listens on all
 _START_SECONDS = 60.0  # until the service listens, on a slow machine
 _POLL_SECONDS = 0.1
@@ -204,7 +204,7 @@ def _is_taken(host: str, port: int) -> bool:
 
 
 def _next_free_port(host: str) -> int:
-    following = range(_PORT + 1, _PORT + _NEIGHBOURS)
+    following = range(_PORT + 1, _PORT + _NEIGHBORS)
     return next((port for port in following if not _is_taken(host, port)), None) or _find_free_port()
 
 

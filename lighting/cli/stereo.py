@@ -58,7 +58,7 @@ _day = common.read_by(
 @click.option("--date", "first", callback=_day, metavar="DATE", help="The day: 2026-06-21.")
 @click.option("--until", "last", callback=_day, metavar="DATE", help="Last day of a range, whose best day is planned.")
 @click.option(
-    "--sky", type=click.Choice(["clear", "overcast", "mixed"]), help="Modelled sky; mixed is broken cloud. [clear]"
+    "--sky", type=click.Choice(["clear", "overcast", "mixed"]), help="Modeled sky; mixed is broken cloud. [clear]"
 )
 @click.option(
     "--probes",
@@ -126,9 +126,9 @@ def _skies(first: date | None, last: date | None, probes: Path | None, sky: Any,
         raise click.UsageError("--until needs --date.")
     if probes:
         if sky:
-            raise click.UsageError("--sky is a modelled one; --probes takes measured ones.")
+            raise click.UsageError("--sky is a modeled one; --probes takes measured ones.")
         if location["latitude"] is not None or location["longitude"] is not None:
-            raise click.UsageError("--lat and --lon are of modelled skies; --probes takes measured ones.")
+            raise click.UsageError("--lat and --lon are of modeled skies; --probes takes measured ones.")
         return MeasuredSkies(probes, first, last, utc_offset=location["utc_offset"] or 0.0)
     if first is None or location["latitude"] is None or location["longitude"] is None:
         raise click.UsageError("A plan needs --lat, --lon and --date, or --probes.")
@@ -204,8 +204,8 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.option(
     "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Of the camera's clock: +02:00 or 2."
 )
-@click.option("--sky", type=click.Choice(["clear"]), help="Modelled sky. [clear]")
-@click.option("--turbidity", type=FiniteRange(1, 10), help="Of the modelled sky. [what the photos fit best]")
+@click.option("--sky", type=click.Choice(["clear"]), help="Modeled sky. [clear]")
+@click.option("--turbidity", type=FiniteRange(1, 10), help="Of the modeled sky. [what the photos fit best]")
 @click.option("--probes", type=_FOLDER, metavar="DIR", help="Measured skies: DIR/YYYYMMDD/HHMMSS/envmap.exr.")
 @click.option("--mask", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="White where the thing is.")
 @click.option("--curve", type=click.Choice(["linear", "srgb"]), help="How values are coded, against what files say.")
@@ -223,7 +223,7 @@ def _normals(
     the mask from mask.png. FOLDER receives normals, albedo, uncertainty and a mesh.
     """
     if options["probes"] and (options["sky"] or options["turbidity"]):
-        raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
+        raise click.UsageError("--sky and --turbidity are of modeled skies; --probes takes measured ones.")
     from lighting.stereo.normal_network import Network
     from lighting.stereo.output import estimate_normals, write_normals
 

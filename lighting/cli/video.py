@@ -85,7 +85,7 @@ def _video(
 ) -> None:
     """Estimate the light and camera of a clip.
 
-    FOLDER gets lighting.jsonl, a record a frame, and shot-1.exr, the light in the world's axes. Its centre is true
+    FOLDER gets lighting.jsonl, a record a frame, and shot-1.exr, the light in the world's axes. Its center is true
     north if it is known, else the first frame's heading. All maps of a shot show its sharpest suitable frame. A cut
     starts another shot. What --time and --heading say is of the first frame. Time, place and lens are taken from the
     clip's metadata and from DJI's subtitles beside it, unless given here. The exit status is 1 where part of the clip

@@ -1,5 +1,5 @@
 // Tools > Light from a Photo puts a photo's light into the open scene, for HDRP or URP of Unity 6: that of the selected
-// folder in Assets/LightFromPhoto, else of the one imported last. Running it again replaces what it made. Metres; +Y is
+// folder in Assets/LightFromPhoto, else of the one imported last. Running it again replaces what it made. Meters; +Y is
 // up, the photo's camera looks along +Z, and +X is to its right.
 using System;
 using System.IO;
@@ -138,7 +138,7 @@ namespace LightFromPhoto
 #endif
         }
 
-        // The yaw that puts the map's centre at +Z, whichever face the importer gave it: the faces' means tell.
+        // The yaw that puts the map's center at +Z, whichever face the importer gave it: the faces' means tell.
         static float SkyRotation(Cubemap cubemap, float[] ringMeans)
         {
             var ring = new[] { CubemapFace.PositiveZ, CubemapFace.PositiveX, CubemapFace.NegativeZ, CubemapFace.NegativeX };

@@ -154,7 +154,7 @@ def aim_sun(sun: bpy.types.Object, numbers: Json) -> None:
 
     Args:
         sun: the lamp's object.
-        numbers: "direction" (3,), "colour" (3,) and "irradiance", +Z up.
+        numbers: "direction" (3,), "color" (3,) and "irradiance", +Z up.
     """
     sun.data.color, sun.data.energy = numbers["colour"], numbers["irradiance"]
     sun.rotation_euler = Vector(numbers["direction"]).to_track_quat("Z", "Y").to_euler()
@@ -342,7 +342,7 @@ def _revolved_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *
 
 
 def _composite_over(scene: bpy.types.Scene, plate: bpy.types.Image, lit: bpy.types.Image, shade: list[float]) -> None:
-    """The plate, stretched to the render's size and times the coloured shadow on the ground; over it the object.
+    """The plate, stretched to the render's size and times the colored shadow on the ground; over it the object.
 
     `lit` shows where the plate's ground lies in sunlight; `shade` is the sky's share of open ground's light.
     """
@@ -389,7 +389,7 @@ def _blend(
     b: bpy.types.NodeSocket | tuple[float, ...],
     share: bpy.types.NodeSocket | float = 1.0,
 ) -> bpy.types.NodeSocket:
-    """Two pictures or colours (4,) in one; `share` is how much of the blend replaces the first."""
+    """Two pictures or colors (4,) in one; `share` is how much of the blend replaces the first."""
     shared = bpy.app.version >= (5, 0, 0) or tree.type == "SHADER"
     mix = tree.nodes.new("ShaderNodeMix" if shared else "CompositorNodeMixRGB")
     if hasattr(mix, "data_type"):

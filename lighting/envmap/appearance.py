@@ -35,7 +35,7 @@ _DARKEST = 0.02  # of the mean luminance around, that counts in a logarithm
 # Which pixels count as sky, and how far they tint it.
 _MAP_ROWS = 32  # of the map with which the photo is compared
 _MIN_SIN_ELEVATION = 0.05  # sine of the angle above the horizon from which a pixel may show sky
-_MAX_STEP = 0.1  # of brightness, 0 to 1, from a pixel of sky to its neighbours
+_MAX_STEP = 0.1  # of brightness, 0 to 1, from a pixel of sky to its neighbors
 _MIN_SKY_LUMINANCE = 0.6  # share of the map's luminance that a pixel of sky has at least
 _SUNSET_SUN = (20.0, 30.0)  # deg, of suns under which an orange sky is that of a sunset, and above which it is none
 _SUNSET_SHARES = (  # stops of red over blue in a photo's sky, and how far all the sky takes its color; chosen by eye
@@ -234,7 +234,7 @@ def _sky_colors(
 
 
 def _brightness_steps(gray: NDArray[np.float32]) -> NDArray[np.float32]:
-    """How much a picture (h, w) changes from each pixel to its neighbours, the larger step of either direction."""
+    """How much a picture (h, w) changes from each pixel to its neighbors, the larger step of either direction."""
     down, across = np.abs(gray[1:] - gray[:-1]), np.abs(gray[:, 1:] - gray[:, :-1])
     vertical, horizontal = np.zeros((2, *gray.shape), gray.dtype)
     vertical[:-1], horizontal[:, :-1] = down, across

@@ -172,7 +172,7 @@ class PhotoFeatures:
     sun_azimuth: float | None
     """deg; None: without a sun that shines."""
     saturation: float
-    """0 for a grey photo to 1."""
+    """0 for a gray photo to 1."""
     snow: bool = False
     """Whether the photo shows snow."""
     kinds: Floats | None = None
@@ -258,7 +258,7 @@ def describe_photo(
     target = np.concatenate([shown, broad[None], kinds]).astype(np.float32)
     weight = _feature_weights(seen, level, segments is not None)
     log = np.log(np.maximum(flat, LOG_OFFSET))
-    spread = float(np.std(log[:, 0] - log[:, 1]) + np.std(log[:, 2] - log[:, 1]))  # of its colors: 0 of a grey photo
+    spread = float(np.std(log[:, 0] - log[:, 1]) + np.std(log[:, 2] - log[:, 1]))  # of its colors: 0 of a gray photo
     saturation = round(min(spread / _COLORFUL, 1.0), 2)
     azimuth = lighting.sun_azimuth if lighting.sun_shines else None
     likely = None

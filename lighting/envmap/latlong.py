@@ -223,7 +223,7 @@ def scale_colors(image: Image, gain: Floats, columns: slice | None = None) -> No
 
 
 def multiply_cells(image: Image, cells: Image, first: int = 0, height: int | None = None) -> None:
-    """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centres.
+    """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centers.
 
     Columns wrap and rows end. A few rows at once lie between few rows of cells, and only those count for them.
 

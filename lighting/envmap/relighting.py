@@ -32,7 +32,7 @@ _MAX_SKY_GAIN = 2.0  # by which a sun that is moved brightens a sky: the photo s
 def rotate_envmap(image: Image, yaw: float) -> Image:
     """The map rotated about the vertical: what was at azimuth a is at a + yaw. Exact for a whole number of pixels.
 
-    Otherwise neighbouring pixels are interpolated linearly, also across the seam.
+    Otherwise neighboring pixels are interpolated linearly, also across the seam.
 
     Args:
         image: (H, 2H, 3).

@@ -41,7 +41,7 @@ _THRESHOLD_REACH = 1.0  # stops from the threshold of ordinary ground, within wh
 _SIN_NEAR = 0.15  # sine of the angle below the horizon from which its grain is seen
 _MIN_DAPPLED_STEP = 2.0  # stops
 _MIN_DAPPLED_SHARE = 0.15  # of sun and of shade
-_MIN_EDGES = 0.08  # share of neighbours of which one is bright and one dark
+_MIN_EDGES = 0.08  # share of neighbors of which one is bright and one dark
 
 _LOG2_ALBEDO = (-3.4, 1.2)  # of a ground's reflectance: mean, and standard deviation with the errors of irradiance
 _SUNLIT_SHARE = 0.8  # of the ground, where the sun reaches the scene

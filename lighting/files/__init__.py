@@ -48,7 +48,7 @@ class _MapFormat:
     read: Callable[[bytes], "Image"] | None = None
     """The linear pixels (H, W, 3); None where a file holds none."""
     has_header: bool = False
-    """Whether files hold lighting and probe, and say how they are packed and in which colours they are."""
+    """Whether files hold lighting and probe, and say how they are packed and in which colors they are."""
 
 
 def _write_exr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None", **options: Any) -> None:

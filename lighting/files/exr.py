@@ -286,7 +286,7 @@ def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
     try:
         matrix = chromaticities_to_rec709(header.get("chromaticities", CHROMATICITIES))
     except (ValueError, TypeError) as error:
-        raise EnvironmentMapError("The EXR file's chromaticities are those of no colours.") from error
+        raise EnvironmentMapError("The EXR file's chromaticities are those of no colors.") from error
     return pixels if matrix is None else np.asarray(pixels @ matrix.T), _lighting_in(header)
 
 

@@ -118,7 +118,7 @@ def _zones_of_place(latitude: float, longitude: float) -> tuple[tuple[str, float
 
 
 def _sea_zones(latitude: float, longitude: float, names: list[str]) -> Iterator[tuple[str, float]]:
-    """The zones of ships: the longitude's, its neighbours, and those of the coasts around."""
+    """The zones of ships: the longitude's, its neighbors, and those of the coasts around."""
     ahead = _nautical_hours(names[0])
     for hours, weight in _SEA_WEIGHTS.items():
         if -12 <= ahead + hours <= 14:

@@ -4,7 +4,7 @@ A border is a plain background, or one of rows (or columns) that a program has d
 gradient. On a plain background the pictures are found by recursive XY cuts [1]: rows and columns of background part
 the blocks, among them texts and buttons. A block is a picture where straight edges part it from the background.
 
-A sky of one colour ends at no straight edge, or at one that is not as straight as a picture's; so it is kept.
+A sky of one color ends at no straight edge, or at one that is not as straight as a picture's; so it is kept.
 
 References:
     [1] Nagy and Seth, Hierarchical Representation of Optically Scanned Documents, ICPR 1984.

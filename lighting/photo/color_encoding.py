@@ -280,7 +280,7 @@ def is_gamma_encoded(header: Image.Image) -> bool:
 
 
 def _shown_greys(icc: "ImageCms.ImageCmsProfile", greys: tuple[int, ...]) -> NDArray[np.uint8] | None:
-    """The sRGB levels (N,) of some greys by an ICC profile; None where it tells none."""
+    """The sRGB levels (N,) of some grays by an ICC profile; None where it tells none."""
     picture = Image.fromarray(np.array(greys, dtype=np.uint8)[None])
     for mode in ("RGB", "L"):
         if convert := _build_transform(icc, mode):

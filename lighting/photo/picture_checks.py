@@ -28,7 +28,7 @@ _MAX_PALETTE_RESIDUALS = (  # spreads, and shares of them by which colors are of
 )
 _ASPECT_TOLERANCE = 0.03  # share by which it may differ from twice as wide as high
 _MAX_SEAM_SHARE = 0.6  # of the difference between distant columns, for the first and the last one
-_MAX_SEAM_STEPS = 3.0  # times as much as neighbouring columns differ, which count as at least
+_MAX_SEAM_STEPS = 3.0  # times as much as neighboring columns differ, which count as at least
 _MIN_COLUMN_STEP = 2.0  # gray levels
 _MAX_POLE_STD = 15.0  # gray levels, along the first row
 
@@ -61,8 +61,8 @@ def is_panorama(pixels: Pixels) -> bool:
     step = max(1, width // _SAMPLED_SIDE // 2)
     rows = pixels[::step].astype(np.float64)
     distant = _difference(rows, (0, 0, 0), (width // 4, width // 2, width - width // 4))
-    seam, neighbour = _difference(rows, (0,), (-1,)), _difference(rows, (0, -1), (1, -2))
-    closed = seam < _MAX_SEAM_SHARE * distant and seam < _MAX_SEAM_STEPS * max(neighbour, _MIN_COLUMN_STEP)
+    seam, neighbor = _difference(rows, (0,), (-1,)), _difference(rows, (0, -1), (1, -2))
+    closed = seam < _MAX_SEAM_SHARE * distant and seam < _MAX_SEAM_STEPS * max(neighbor, _MIN_COLUMN_STEP)
     return closed and float(pixels[0].std(axis=0).mean()) < _MAX_POLE_STD
 
 

@@ -21,7 +21,7 @@ MAX_KEPT_PIXELS = 32_000_000  # of what is returned, so that photos kept large, 
 _32_BIT_MODES = ("F", "I")  # Pillow's, whose range no rule tells
 _STRIP_PIXELS = 1 << 22  # converted at once
 _BITS, _PHOTOMETRIC, _PLANAR = 0x102, 0x106, 0x11C  # tags of a TIFF
-_WHITE_IS_ZERO, _PLANES = 0, 2  # what the latter two may say: the order of greys, colours one after another
+_WHITE_IS_ZERO, _PLANES = 0, 2  # what the latter two may say: the order of grays, colors one after another
 _MID_GRAY = (128, 128, 128)  # sRGB, behind what is transparent
 _FLIPS = {2: (1, -1), 3: (-1, -1), 4: (-1, 1), 6: (-1, 1), 7: (-1, -1), 8: (1, -1)}  # steps of rows and of columns
 _TRANSPOSED = (5, 6, 7, 8)  # EXIF orientations that then change rows and columns
@@ -48,7 +48,7 @@ def check_bit_depth(image: Any, *, all_bits: bool = False) -> None:
     """
     if image.mode in _32_BIT_MODES:
         raise PhotoError(
-            "The TIFF holds 32 bits per colour, or signed ones, whose white is unknown; convert it to 8 or 16 bits."
+            "The TIFF holds 32 bits per color, or signed ones, whose white is unknown; convert it to 8 or 16 bits."
         )
     tags = _tiff_tags(image)
     in_planes = tags.get(_PLANAR) == _PLANES and max(tags.get(_BITS, (8,))) > 8  # of which packed ones lose low bits

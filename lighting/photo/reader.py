@@ -1,9 +1,9 @@
 """Photo, read_photo, photo_from_array, size and memory limits.
 
 What is read: JPEG, PNG, WebP, TIFF, AVIF where Pillow has it, HEIC, and the preview in a RAW file. Everything ends as
-8-bit sRGB. Samples of 16 bits are scaled, and colours are converted from the encoding that the file states. Transparent
-parts become mid-grey. Of an animation or a series the first picture counts; of a TIFF that begins with a thumbnail, the
-picture behind it. A damaged EXIF block or colour profile never rejects a photo.
+8-bit sRGB. Samples of 16 bits are scaled, and colors are converted from the encoding that the file states. Transparent
+parts become mid-gray. Of an animation or a series the first picture counts; of a TIFF that begins with a thumbnail, the
+picture behind it. A damaged EXIF block or color profile never rejects a photo.
 """
 
 import os
@@ -52,7 +52,7 @@ MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of more than 4 GB too
-_UNREADABLE_TIFF = "The TIFF is damaged or not supported, such as 32 bits per colour; convert it to 8 or 16 bits."
+_UNREADABLE_TIFF = "The TIFF is damaged or not supported, such as 32 bits per color; convert it to 8 or 16 bits."
 _BORDER = "Only the {subject} inside a border was used: {width} x {height} pixels."
 _STEREO_PAIR = "Only one half of a stereo pair was used: {width} x {height} pixels."
 _COLLAGE = "Probably a collage of several photos: do not trust this result."

@@ -122,7 +122,7 @@ def draw_compass(estimate: EstimatedLight, aspect: float, size: int) -> Image.Im
 
 
 def _draw_density(distribution: SunDistribution) -> Image.Image:
-    """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
+    """Density of the sun's probability over the dome in colors; the scale ends at 1/sr, or at the peak if higher."""
     side = (np.arange(_DENSITY_SIZE) + 0.5) / _DENSITY_SIZE * 2 - 1
     x, y = np.meshgrid(side, side)
     elevation = np.maximum(90.0 * (1 - np.hypot(x, y)), 0.0)
@@ -135,7 +135,7 @@ def _draw_density(distribution: SunDistribution) -> Image.Image:
 
 
 def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats:
-    """Density [1/sr] (M,) at directions (M, 3), each cell spread over its neighbourhood."""
+    """Density [1/sr] (M,) at directions (M, 3), each cell spread over its neighborhood."""
     probability = np.asarray(distribution.probability, dtype=np.float32)
     cells = grid_directions(distribution.grid).astype(np.float32)
     concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
@@ -149,7 +149,7 @@ def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats
 
 
 def _draw_rings(panel: Image.Image, radius: float) -> None:
-    """Draw elevation rings and a cross labelled front, right, behind and left, clear of a sun on the horizon."""
+    """Draw elevation rings and a cross labeled front, right, behind and left, clear of a sun on the horizon."""
     center = panel.width / 2
     spokes = [np.array([[center - radius, center], [center + radius, center]])]
     spokes.append(spokes[0][:, ::-1])

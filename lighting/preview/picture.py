@@ -133,7 +133,7 @@ def draw_preview_pixels(
         (plan.photo, photo_text, photo_panel),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (plan.envmap, "Environment map, the photo's view outlined", map_panel),
-        (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(scene, lighting, plan.spheres)),
+        (plan.spheres, "Mirror, glossy and gray in this light", _spheres_panel(scene, lighting, plan.spheres)),
     ):
         draw_text(canvas, (box.x, box.y - _CAPTION + 4), caption, TextStyle(_LETTERS, MUTED))
         canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))

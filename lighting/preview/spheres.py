@@ -46,7 +46,7 @@ _FOOT_SHADE = 0.7  # share of the surrounding light that does not reach a sphere
 
 VERTICAL_FOV = 40.0  # deg
 PITCH = (-20.0, -5.0)  # deg, range of the camera's elevation that keeps ground and sky in view
-_SPACING = 2.6  # between neighbouring centers, in radii
+_SPACING = 2.6  # between neighboring centers, in radii
 _CENTER_HEIGHT = 0.60  # of the middle sphere in the picture, 0 = top, 1 = bottom
 _PICTURE_WIDTH = 8.6  # at the spheres' distance, in radii
 
@@ -57,7 +57,7 @@ _NORMAL_ROWS = 12  # of `SphereScene.diffuse_irradiance`, by the normal
 _INCOMING_ROWS = 16  # of the directions from which light comes to the diffuse sphere
 _BOUNCES = (2, 1)  # of light between spheres and ground: how much coarser its tables and rays are in each
 _BOUNCES_DIMMED = (1,)  # where that light is nearly right already
-_EVEN = 0.01  # of square roots of linear values, 2 of 255 levels off the neighbours, up to which one ray will do
+_EVEN = 0.01  # of square roots of linear values, 2 of 255 levels off the neighbors, up to which one ray will do
 _EPSILON = 1e-9  # stands for no light
 
 _RAYS_AT_ONCE = 1 << 15  # of the camera, few enough for the processor's cache
@@ -124,7 +124,7 @@ def render_spheres(
         lighting: where the sun is, and the camera's elevation.
         width: pixels.
         height: pixels.
-        supersampling: rays per pixel and side, where neighbouring pixels differ; else one.
+        supersampling: rays per pixel and side, where neighboring pixels differ; else one.
         centers: (3, 3) of the spheres from the camera, on one level; None for those of `sphere_centers`.
     """
     centers = sphere_centers(width / height, limit_pitch(lighting)) if centers is None else centers
@@ -137,7 +137,7 @@ def render_spheres(
 
 
 def draw_sphere_scene(scene: SphereScene, lighting: Lighting, width: int, height: int) -> NDArray[np.uint8]:
-    """The sRGB picture (height, width, 3) of a scene; where neighbouring pixels differ, of four rays a pixel.
+    """The sRGB picture (height, width, 3) of a scene; where neighboring pixels differ, of four rays a pixel.
 
     Args:
         scene: the spheres and their light.
@@ -154,7 +154,7 @@ def draw_sphere_scene(scene: SphereScene, lighting: Lighting, width: int, height
 def _sample_scene(
     scene: SphereScene, lighting: Lighting, width: int, height: int, parts: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
-    """Radiance (height, width, 3) of a ray a pixel, where neighbours differ, and that of parts (N, parts, parts, 3)."""
+    """Radiance (height, width, 3) of a ray a pixel, where neighbors differ, and that of parts (N, parts, parts, 3)."""
     camera = Pinhole(width, height, VERTICAL_FOV, elevation=limit_pitch(lighting))
     even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
     uneven = _is_uneven(even) if parts > 1 else np.zeros((height, width), dtype=bool)
@@ -173,7 +173,7 @@ def _trace_rays(rays: NDArray[np.float32], scene: SphereScene) -> NDArray[np.flo
 
 
 def _is_uneven(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which pixels (H, W) of a picture (H, W, 3) are off their neighbours' mean by over _EVEN, or lie beside one.
+    """Which pixels (H, W) of a picture (H, W, 3) are off their neighbors' mean by over _EVEN, or lie beside one.
 
     Where it changes evenly, a pixel's middle has its mean. Edges that fall between the rays show beside them; what is
     smaller than a pixel lies on such edges.
@@ -188,7 +188,7 @@ def _is_uneven(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def _is_bent(before: Floats, middle: Floats, after: Floats) -> NDArray[np.bool_]:
-    """Where (...) any channel of values (..., 3) is off the mean of its two neighbours by more than _EVEN."""
+    """Where (...) any channel of values (..., 3) is off the mean of its two neighbors by more than _EVEN."""
     off = before + after
     off *= 0.5
     off -= middle

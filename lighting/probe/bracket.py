@@ -225,7 +225,7 @@ _DAY, _MOMENT = re.compile(r"\d{8}"), re.compile(r"\d{6}")
 
 @dataclass(frozen=True)
 class _ProbeFile:
-    """A probe on disk: a lat-long map in the world's axes, centre column true north."""
+    """A probe on disk: a lat-long map in the world's axes, center column true north."""
 
     time: datetime  # aware
     path: Path

@@ -56,7 +56,7 @@ class BracketSettings:
     fov: float | None = None
     """Fov, deg."""
     centre: tuple[float, float] | None = None
-    """Centre, pixels."""
+    """Center, pixels."""
     radius: float | None = None
     """Radius, pixels."""
     pitch: float | None = None
@@ -141,7 +141,7 @@ def _fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> tuple
 
 
 def _replace_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> NDArray[np.float32]:
-    """A copy whose clipped pixels around the sun have the median colour of the ring beside them."""
+    """A copy whose clipped pixels around the sun have the median color of the ring beside them."""
     distance = angle_between(latlong_directions(len(image)), spot.direction)
     reach = max(spot.radius, 1.5 * 180.0 / len(image)) + 1.0
     region = (distance < reach) & (clipped | (distance < 0.6 * reach))
@@ -172,7 +172,7 @@ class _MergedBracket:
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """A measured sky in the world's axes: centre column true north, right half east."""
+    """A measured sky in the world's axes: center column true north, right half east."""
 
     image: NDArray[np.float32]
     """(H, 2H, 3), linear Rec.709, in units of full scale / relative exposure."""

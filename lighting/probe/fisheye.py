@@ -25,7 +25,7 @@ _PITCH = {"equidistant": 90.0, "equisolid": 90.0, "ball": 0.0, "latlong": 0.0}
 
 @dataclass(frozen=True)
 class Lens:
-    """A projection; lengths in pixels of the picture, centres of pixels at (i + 0.5)."""
+    """A projection; lengths in pixels of the picture, centers of pixels at (i + 0.5)."""
 
     kind: LensKind
     """Its projection."""
@@ -64,7 +64,7 @@ def make_lens(kind: LensKind, width: int, height: int, **options: Any) -> Lens:
         raise ProbeError(f"A lat-long picture is twice as wide as high, not {width} x {height} pixels.")
     check_lens(kind, lens.fov, lens.radius)
     if not (0 <= lens.centre[0] <= width and 0 <= lens.centre[1] <= height):
-        raise ProbeError("The lens's circle must have its centre in the picture.", "centre", ErrorCode.OUT_OF_RANGE)
+        raise ProbeError("The lens's circle must have its center in the picture.", "centre", ErrorCode.OUT_OF_RANGE)
     return lens
 
 
@@ -219,7 +219,7 @@ def _resample_rows(
 def _sample_bilinear(picture: Floats, pixels: Floats, *, wrap: bool = False) -> Floats:
     """Samples (..., C) of a picture (h, w, C) at continuous coordinates (..., 2) as (x, y); 0 where they are NaN.
 
-    Beyond the outermost centres the edge goes on, or with `wrap` the other side begins.
+    Beyond the outermost centers the edge goes on, or with `wrap` the other side begins.
     """
     height, width = picture.shape[:2]
     valid = np.asarray(np.isfinite(pixels).all(axis=-1))

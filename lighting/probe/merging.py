@@ -11,10 +11,10 @@ weighs nothing, so a pixel that is clipped in every exposure is known to be brig
 marked.
 
 Rounding. A sky a few of a camera's steps above black is recorded as terraces. Where the noise is so much smaller than a
-step, neighbours round alike. No mean over them then tells what lies between two steps. But the true value is within
+step, neighbors round alike. No mean over them then tells what lies between two steps. But the true value is within
 half a step of the recorded one, and a sky has no terraces. So such values are smoothed and put back into that interval,
 over and over (projections onto convex sets). The smoothing is a recursive filter along rows and columns (Gastal and
-Oliveira, SIGGRAPH 2011). It stops where neighbours differ by more than a step. It is applied as 2 S - S S, which leaves
+Oliveira, SIGGRAPH 2011). It stops where neighbors differ by more than a step. It is applied as 2 S - S S, which leaves
 slopes and curves as they are.
 """
 
@@ -147,7 +147,7 @@ def clipped_mask(photo: LinearPhoto) -> Mask:
 
 
 def dilate(mask: Mask) -> Mask:
-    """The mask and the eight neighbours of each of its pixels: a lens and demosaicing smear over one.
+    """The mask and the eight neighbors of each of its pixels: a lens and demosaicing smear over one.
 
     Args:
         mask: (H, W).
@@ -165,7 +165,7 @@ def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
     """Slope of y over x and its standard error, by least squares re-weighted with Tukey's biweight; 0 where x is one
     value alone.
 
-    The error counts an eighth of the values as independent, for neighbours and channels share their errors.
+    The error counts an eighth of the values as independent, for neighbors and channels share their errors.
     """
     weight = np.ones_like(x)
     for _ in range(_REWEIGHTINGS):
@@ -204,7 +204,7 @@ def _check_exif_ratios(
 _ROWS_AT_ONCE = 128  # merged at once, so that little memory is needed beside the exposures
 SMOOTHING_REACH = 3.6  # deg, of the smoothing: less than the features of a clear sky, more than a pixel of its map
 _SMOOTHING_PASSES = 12  # of smoothing and putting back
-_MAX_LINKED_STEPS = 1.5  # steps, up to which neighbours belong to one surface
+_MAX_LINKED_STEPS = 1.5  # steps, up to which neighbors belong to one surface
 
 Pixels = NDArray[np.float32]
 
@@ -308,7 +308,7 @@ def _recorded_radiance(
 def _smooth_within_rounding(start: Pixels, recorded: Pixels, half: Pixels, reach: float) -> Pixels:
     """Values (H, W) as smooth as they can be within `half` (H, W) of the `recorded` ones; `start` where that is 0.
 
-    Neighbours that differ by more than 1.5 of the coarser one's steps, and those beside black, are not mixed; `reach`
+    Neighbors that differ by more than 1.5 of the coarser one's steps, and those beside black, are not mixed; `reach`
     [pixels] is the standard deviation of the filter.
     """
     keep = np.float32(np.exp(-np.sqrt(2) / reach))
@@ -332,7 +332,7 @@ def _surface_links(recorded: Pixels, half: Pixels) -> Pixels:
 
 
 def _smooth_edge_aware(values: Pixels, down: Pixels, along: Pixels) -> Pixels:
-    """Values (H, W) mixed with their neighbours by shares `down` (H, W) columns and `along` (W, H) rows."""
+    """Values (H, W) mixed with their neighbors by shares `down` (H, W) columns and `along` (W, H) rows."""
     rows = np.ascontiguousarray(values.T)
     _mix_rows(rows, along)
     columns = np.ascontiguousarray(rows.T)

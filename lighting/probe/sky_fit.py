@@ -154,7 +154,7 @@ _MAX_CLEAR_ERROR = 0.35  # of |log(measured / model)| of the luminance, up to wh
 
 @dataclass(frozen=True)
 class SkyState:
-    """A sky in numbers; angles in deg, azimuth from the map's centre column, clockwise positive, -180 to 180."""
+    """A sky in numbers; angles in deg, azimuth from the map's center column, clockwise positive, -180 to 180."""
 
     sun_azimuth: float
     """Deg, -180 to 180: 0 = the middle of the map, positive to the right."""
@@ -186,7 +186,7 @@ def describe_sky(image: NDArray[np.float32], sun: tuple[float, float] | None = N
 
     Args:
         image: (H, 2H, 3) linear Rec.709, row 0 is the zenith.
-        sun: deg, azimuth from the centre column and elevation; None finds it in the map.
+        sun: deg, azimuth from the center column and elevation; None finds it in the map.
 
     Raises:
         ProbeError: the map is too small, black or negative, its sun is not found or below the horizon, or no clear sky

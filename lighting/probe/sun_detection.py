@@ -37,7 +37,7 @@ class DetectedSun:
     """A sun found in a picture."""
 
     azimuth: float
-    """Deg, 0 = centre column, positive to the right."""
+    """Deg, 0 = center column, positive to the right."""
     elevation: float
     """Elevation, deg."""
     radius: float

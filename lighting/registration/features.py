@@ -29,7 +29,7 @@ class Features:
     """A photo's features: their points and what they look like."""
 
     points: Floats
-    """(N, 2) from the photo's centre, x right, y up, in units of half its diagonal."""
+    """(N, 2) from the photo's center, x right, y up, in units of half its diagonal."""
     descriptors: NDArray[np.float32]
     """(N, 128) of length 1; roots of SIFT's values [2]."""
     width: int

@@ -1,6 +1,6 @@
 """A scene for Blender: a script that builds it and, if it is asked for, the .blend file.
 
-Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence _YAW. The native Sky Texture
+Blender's lat-long maps have +X at the center where its camera here looks along +Y, hence _YAW. The native Sky Texture
 is Blender's Multiple Scattering, from 5.0, or that of Hosek and Wilkie on the record's scale; the map may be of
 another.
 """
@@ -35,7 +35,7 @@ _BLENDERS = (  # where Blender lies that is in no search path
 )
 _RUN = ("--background", "--factory-startup", "--python-exit-code", "1", "--python")  # a script
 _SAMPLES = 128  # of Cycles, per pixel
-_YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
+_YAW = -90.0  # deg about +Z, turns the viewing direction to the map's center
 
 
 def encode_blender(scene: records.Scene, *, blend: bool = False) -> Files:

@@ -123,7 +123,7 @@ def _columns(matrix: NDArray[np.floating]) -> list[float]:
 
 
 def _plate_distance(scene: Scene) -> float:
-    """Metres along the camera's axis."""
+    """Meters along the camera's axis."""
     to_spot = float(np.linalg.norm(scene.spot - scene.camera_position))
     return _BEHIND * (to_spot + _GROUND_IN_BALLS * scene.placeholder.ball_radius)
 
@@ -252,7 +252,7 @@ def _padded(data: bytes, filler: bytes) -> bytes:
 class _Mesh:
     """Triangles, counter-clockwise seen from outside."""
 
-    positions: NDArray[np.float32]  # (V, 3), metres, +Y up
+    positions: NDArray[np.float32]  # (V, 3), meters, +Y up
     normals: NDArray[np.float32]  # (V, 3)
     triangles: NDArray[np.uint16]  # (T, 3)
     coordinates: NDArray[np.float32] | None = None  # (V, 2) of a picture, (0, 0) is its upper left corner

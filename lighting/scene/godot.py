@@ -1,7 +1,7 @@
 """A scene as a project for Godot 4: its scene, two shaders, the plate, the map and how to import them.
 
-Godot's frame is ours. Its lat-long maps have +Z at the centre, so the sky is turned by 180 degrees. A directional
-light of energy 1 gives an irradiance of pi, and its colour is encoded as sRGB. The renderer is Forward+: Compatibility
+Godot's frame is ours. Its lat-long maps have +Z at the center, so the sky is turned by 180 degrees. A directional
+light of energy 1 gives an irradiance of pi, and its color is encoded as sRGB. The renderer is Forward+: Compatibility
 applies the transfer curve to maps twice, and its sun has no size. Mirrors of few layers, not arrays, keep the ground's
 light out of the sky's (2 % in place of 8 %).
 

@@ -1,6 +1,6 @@
 """A scene for Mitsuba 3 in several files, and a script that composites the object over the plate.
 
-Mitsuba's frame is ours, its maps have +Z at the centre and its cameras look along their own +Z with +X to the left. The
+Mitsuba's frame is ours, its maps have +Z at the center and its cameras look along their own +Z with +X to the left. The
 sun is a disc of the right angle far away, since a `directional` emitter casts shadows without penumbra.
 """
 
@@ -13,7 +13,7 @@ from lighting.scene.writer import Files, encode_shared_files, fill_template, rea
 
 _SCENE, _CAMERA, _LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
 
-_SUN_DISTANCE = 10_000.0  # m; ten metres from the spot the sun's direction differs by 0.06 deg
+_SUN_DISTANCE = 10_000.0  # m; ten meters from the spot the sun's direction differs by 0.06 deg
 
 _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 

@@ -1,6 +1,6 @@
 """A photo's scene: its camera, sun, map and ground, and a placeholder for the user's object.
 
-The frame is that of geometry.py in metres: +Y up, and the camera looks along -Z at azimuth 0. The ground is y = 0, and
+The frame is that of geometry.py in meters: +Y up, and the camera looks along -Z at azimuth 0. The ground is y = 0, and
 the camera stands over its origin at its height. Light is in the map's units, `exposure` x the sky model's radiance,
 which are the photo's linear values: a white diffuse surface under irradiance pi shows as 1.
 

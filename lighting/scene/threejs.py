@@ -3,8 +3,8 @@
 PAGE is for whoever puts an object in. SENT_PAGE is for whoever is sent it: a teapot to drag, in a file for mails and
 phones. Both are the same page, `lighting/data/viewer.js`.
 
-three.js knows no size of a directional light: the sun's colour and irradiance are right, its shadow's edge is as sharp
-as the shadow map. Its lat-long maps have +X at the centre, so the map is turned by a quarter.
+three.js knows no size of a directional light: the sun's color and irradiance are right, its shadow's edge is as sharp
+as the shadow map. Its lat-long maps have +X at the center, so the map is turned by a quarter.
 """
 
 import json
@@ -79,7 +79,7 @@ def _fill_page(numbers: Json, note: str) -> bytes:
 
 
 def _description(scene: Scene) -> Json:
-    """The values that viewer.js reads, in metres and degrees; three.js has the frame of geometry.py."""
+    """The values that viewer.js reads, in meters and degrees; three.js has the frame of geometry.py."""
     placeholder = scene.placeholder
     color, intensity = color_and_intensity(scene.sun_irradiance)
     return {

@@ -1,7 +1,7 @@
 """A scene for Unity 6 as one package: a script for its editor, the numbers that it reads, and pictures.
 
 Unity is left-handed in meters, +Y up; the camera looks along +Z at azimuth 0, and +X is to its right. HDRP takes the
-sun in lux, URP as irradiance / pi. Which face of a cubemap its importer gives a map's centre is not documented, so the
+sun in lux, URP as irradiance / pi. Which face of a cubemap its importer gives a map's center is not documented, so the
 script compares the faces' means with those of the map.
 
 References:

@@ -1,7 +1,7 @@
 """A scene for Unreal Engine 5: a script for its editor, the numbers that it reads, and pictures.
 
 Unreal is left-handed in centimeters, +Z up; the camera looks along +X at azimuth 0, and +Y is to its right. Its
-lat-long maps have -Y at the centre, so the sky light's cubemap is turned by 270 degrees. A manual exposure without the
+lat-long maps have -Y at the center, so the sky light's cubemap is turned by 270 degrees. A manual exposure without the
 physical camera is 1 at the engine's default lens attenuation.
 
 References:
@@ -21,7 +21,7 @@ from lighting.scene.writer import Files, encode_json, encode_projected_ground, e
 _SCRIPT, _NUMBERS, SKY = "unreal_scene.py", "unreal_scene.json", "environment.hdr"
 _ALBEDO, EMISSION = "ground_albedo.png", "ground_emission.png"
 
-_SKY_ANGLE = 270.0  # deg, turns the viewing direction to the map's centre
+_SKY_ANGLE = 270.0  # deg, turns the viewing direction to the map's center
 _CENTIMETERS = 100.0  # per meter
 _BACKDROP_DISTANCE = 1000.0  # m
 

@@ -1,7 +1,7 @@
 """A scene as USD: `scene.usda` with the plate, the map and the record beside it.
 
 Lights follow UsdLux: radiance 1 of the map is 1 nit. A DistantLight with `normalize` gives an irradiance of intensity x
-colour on a surface that faces it, whatever its angle. Focal length and apertures are in tenths of the stage's unit, the
+color on a surface that faces it, whatever its angle. Focal length and apertures are in tenths of the stage's unit, the
 meter, as UsdGeomCamera has them: 22.8 mm is 0.228. The USDZ is for AR, which takes no lights: of both files, the rules
 of ARKit in OpenUSD's ComplianceChecker pass this one alone.
 
@@ -172,7 +172,7 @@ def _rows(matrix: Floats) -> str:
 
 
 def _values(scene: records.Scene, up_axis: str) -> dict[str, object]:
-    """The values of the placeholders in data/scene.usda; lengths in metres."""
+    """The values of the placeholders in data/scene.usda; lengths in meters."""
     to_stage = to_z_up(np.eye(3)) if up_axis == "Z" else np.eye(3)  # from our frame, for row vectors
     return {
         "up_axis": up_axis,

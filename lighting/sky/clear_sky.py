@@ -162,14 +162,14 @@ def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
 
     Args:
         direction: (..., 3) unit vectors.
-        sun_direction: (3,) vector to the disc's centre, not below the horizon.
+        sun_direction: (3,) vector to the disc's center, not below the horizon.
         turbidity: 1 to 10.
     """
     d = np.asarray(direction, dtype=np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
     if not sun[1] >= 0:
         _check_range("sun elevation", float(angles(sun)[1]))  # refuses a sun below the horizon
-    half = np.sum((d - sun / np.linalg.norm(sun)) ** 2, axis=-1) / 4  # sin^2 of half the angle from the centre
+    half = np.sum((d - sun / np.linalg.norm(sun)) ** 2, axis=-1) / 4  # sin^2 of half the angle from the center
     limb = 1 - 4 * half * (1 - half) / np.sin(np.radians(SUN_RADIUS)) ** 2
     inside = (half < 0.5) & (limb >= 0) & (d[..., 1] >= 0)
     result = np.zeros(d.shape)
@@ -192,8 +192,8 @@ def sun_disc_points(sun_direction: ArrayLike, rings: int = 24, spokes: int = 96)
     """Unit vectors (N, 3) evenly over the sun's disc, and the solid angle [sr] (N,) of each; 0 below the horizon.
 
     Args:
-        sun_direction: (3,) vector to the disc's centre.
-        rings: of points around the centre.
+        sun_direction: (3,) vector to the disc's center.
+        rings: of points around the center.
         spokes: points of a ring.
     """
     sun = np.asarray(sun_direction, dtype=np.float64)
@@ -326,8 +326,8 @@ def _radiance_table(elevation: float, turbidity: float) -> NDArray[np.float32]:
         raise ParameterError(sentence, "sun_direction", ErrorCode.NIGHT)
     skies, split = _load_skies(), len(SUN_ANGLES)
     radiance = np.zeros((split, len(ZENITH_ANGLES), 3), dtype=np.float32)
-    for v, by_visibility in _neighbours(VISIBILITIES, _visibility_from_turbidity(turbidity)):
-        for e, by_sun in _neighbours(SUN_ELEVATIONS, elevation):
+    for v, by_visibility in _neighbors(VISIBILITIES, _visibility_from_turbidity(turbidity)):
+        for e, by_sun in _neighbors(SUN_ELEVATIONS, elevation):
             factors = skies[v, e].astype(np.float32)
             stops = factors[:, :split] @ factors[:, split:].transpose(0, 2, 1)
             radiance += np.float32(by_visibility * by_sun) * np.exp2(stops).transpose(1, 2, 0)
@@ -335,7 +335,7 @@ def _radiance_table(elevation: float, turbidity: float) -> NDArray[np.float32]:
     return radiance
 
 
-def _neighbours(values: Floats, value: float) -> list[tuple[int, float]]:
+def _neighbors(values: Floats, value: float) -> list[tuple[int, float]]:
     """The two places of sorted values (N,) around one, and their shares."""
     position = float(np.interp(value, values, np.arange(len(values))))
     low = min(int(position), len(values) - 2)

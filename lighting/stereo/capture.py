@@ -195,13 +195,13 @@ _MAX_EXPOSURE_DIFFERENCE = 0.02  # relative difference of exposures that cameras
 
 
 def _check_same_exposure(photos: list[_DayPhoto]) -> None:
-    """PhotoError unless size, colours, lens and exposure are those of the first photo throughout."""
+    """PhotoError unless size, colors, lens and exposure are those of the first photo throughout."""
     first = photos[0]
     for photo in photos[1:]:
         if photo.shape != first.shape:
             raise PhotoError(f"{photo.name} and {first.name} differ in size; the camera must not move or change.")
         if photo.pixels.shape != first.pixels.shape:
-            raise PhotoError(f"Of {photo.name} and {first.name} one is grey and one in colour; make them alike.")
+            raise PhotoError(f"Of {photo.name} and {first.name} one is gray and one in color; make them alike.")
         if _differ(photo.exposure.focal_length, first.exposure.focal_length):
             raise PhotoError(f"{photo.name} and {first.name} differ in focal length; the lens must not change.")
         settings = [(e.seconds, e.aperture, e.sensitivity) for e in (photo.exposure, first.exposure)]

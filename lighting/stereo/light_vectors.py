@@ -1,4 +1,4 @@
-"""Mean light vectors of measured and modelled skies, and the skies of a day.
+"""Mean light vectors of measured and modeled skies, and the skies of a day.
 
 A patch of unit normal n and albedo rho is under radiance L. Its brightness is b = rho / pi x the integral of L(w)
 <w, n> over the hemisphere above the patch. So b = <l, x>, with x = rho n and the mean light vector l(n). The term is of
@@ -6,7 +6,7 @@ Hold-Geoffroy et al., What Is a Good Day for Outdoor Photometric Stereo?, ICCP 2
 of L(w) w over that hemisphere. It depends on n: patches of other orientation see other light. Brightnesses at several
 times stack to b = M x, M the illumination matrix with one mean light vector a row.
 
-Directions are in the world axes of a map: +Y up, true north at -Z (the centre column of a lat-long map), east at +X.
+Directions are in the world axes of a map: +Y up, true north at -Z (the center column of a lat-long map), east at +X.
 Brightness is in the units of the maps: a white patch (rho = 1) under a uniform sky of radiance 1 that fills its
 hemisphere has brightness 1.
 """
@@ -32,7 +32,7 @@ Weather = Literal["clear", "overcast", "mixed"]
 
 _CHUNK_WEIGHTS = 1 << 22  # weights of pixels held at once
 
-SKY_HEIGHT = 64  # rows of a modelled map
+SKY_HEIGHT = 64  # rows of a modeled map
 CLEAR_TURBIDITY = 3.0  # of a clear day in the country
 _OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
 _BROKEN_COVER = 0.5  # share of the sky under broken cloud
@@ -42,7 +42,7 @@ CLOUD_DRAWS = 32  # of the clouds of a mixed day
 DAY_MINUTES = 24 * 60  # min
 SPELLS = int(DAY_MINUTES / _CLOUD_SPELL)
 ONE_SKY = np.zeros((1, SPELLS), dtype=np.intp)  # the clouds of a day that has one variant
-FINE_STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
+FINE_STEP, COARSE_STEP = 5.0, 10.0  # min between modeled moments
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class Skies:
     """The light from far away at T moments, in C channels, the sun's disc apart from the rest."""
 
     radiance: NDArray[np.float32]
-    """(T, H, 2H, C), lat-long maps without the disc: row 0 zenith, centre column north."""
+    """(T, H, 2H, C), lat-long maps without the disc: row 0 zenith, center column north."""
     sun_direction: Floats
-    """(T, 3), unit vectors towards the disc's centre; any where there is no sun."""
+    """(T, 3), unit vectors towards the disc's center; any where there is no sun."""
     sun_irradiance: Floats
     """(T, C), of the disc on a plane that faces it; 0 where there is none."""
 
@@ -145,7 +145,7 @@ def sun_light_vectors(sun_direction: Floats, sun_irradiance: Floats, normals: Fl
     """
     radius = np.radians(SUN_RADIUS)
     cosine = np.clip(normals @ sun_direction.T, -1, 1)
-    height = np.clip(np.arcsin(cosine) / radius, -1, 1)  # of the disc's centre above the plane, in radii
+    height = np.clip(np.arcsin(cosine) / radius, -1, 1)  # of the disc's center above the plane, in radii
     half_width = np.sqrt(1 - height**2)
     share = 0.5 + (height * half_width + np.arcsin(height)) / np.pi
     moment = 2 / (3 * np.pi) * half_width**3 * radius
@@ -155,7 +155,7 @@ def sun_light_vectors(sun_direction: Floats, sun_irradiance: Floats, normals: Fl
     return np.asarray(vector[..., None] * sun_irradiance[:, None, :] / np.pi)
 
 
-# Modelled skies.
+# Modeled skies.
 
 
 def sun_directions(times: ArrayLike, latitude: float, longitude: float) -> Floats:

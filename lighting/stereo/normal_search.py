@@ -107,7 +107,7 @@ class Candidates:
     prior: Image
     """(K,), logarithms of how likely each is before any image is seen, up to a constant."""
     spacing: float
-    """Rad, between neighbouring normals."""
+    """Rad, between neighboring normals."""
 
 
 @dataclass(frozen=True)

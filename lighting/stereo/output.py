@@ -3,7 +3,7 @@
 Normals are stored as (n + 1) / 2 of 16 bits in PNG: red x, green y, blue z. In EXR they are as they are. Outside the
 mask all is 0. Uncertainty is in degrees in EXR and in hundredths of a degree in the 16-bit PNG.
 
-Depth: between two neighbouring pixels it changes by the mean of their slopes. Each such pair is one equation, weighted
+Depth: between two neighboring pixels it changes by the mean of their slopes. Each such pair is one equation, weighted
 by how much both face the camera, since slopes at grazing normals are large and uncertain. The sparse system is solved
 directly (scipy). With a focal length the slopes are those of the logarithm of depth (Durou et al., Normal
 Integration: A Survey, JMIV 2018), without one the camera is orthographic.
@@ -76,9 +76,9 @@ def _write_picture(target: Path, values: Image) -> None:
 
 
 def _write_mesh(target: Path, vertices: Floats, normals: NormalMap) -> None:
-    """Write points (H, W, 3) of a mask as a binary PLY mesh with normals and the albedo as colours.
+    """Write points (H, W, 3) of a mask as a binary PLY mesh with normals and the albedo as colors.
 
-    Two triangles join each four neighbours that are all in the mask, seen counter-clockwise by the camera.
+    Two triangles join each four neighbors that are all in the mask, seen counter-clockwise by the camera.
     """
     mask = normals.mask
     index = np.cumsum(mask).reshape(mask.shape) - 1
@@ -180,7 +180,7 @@ def depth_error(estimated: Floats, truth: Floats, mask: NDArray[np.bool_]) -> fl
 
 # From a folder of photos to its normals.
 
-_MAX_MISFIT = 0.002  # of the brightest pixel, that neighbours share beyond noise; exact skies leave half of it
+_MAX_MISFIT = 0.002  # of the brightest pixel, that neighbors share beyond noise; exact skies leave half of it
 _MAX_HEADING_RATIO = 0.85  # of the unexplained, below which another heading is the better one
 _TURBIDITY_SKY_HEIGHT = 32  # rows of the skies that a turbidity is found with
 
@@ -202,11 +202,11 @@ class NormalsOptions:
     utc_offset: float | None = None
     """Hours, of the camera's clock and of the probes' names."""
     turbidity: float | None = None
-    """Of a modelled sky; None is found from the photos."""
+    """Of a modeled sky; None is found from the photos."""
     ground_albedo: float = GROUND_ALBEDO
     """Share of light, 0 to 1, that the ground reflects."""
     probes: Path | None = None
-    """Folder of measured skies in place of a modelled one."""
+    """Folder of measured skies in place of a modeled one."""
     mask: Path | None = None
     """A picture, white where the thing is. None: all counts."""
     curve: Curve | None = None
@@ -307,7 +307,7 @@ def _doubt_model(session: Session, normals: NormalMap) -> tuple[NormalMap, tuple
     if misfit < _MAX_MISFIT:
         return normals, ()
     warnings = [
-        f"The modelled light misses the photos by {100 * misfit:.1f} %: check heading, times, place and exposure."
+        f"The modeled light misses the photos by {100 * misfit:.1f} %: check heading, times, place and exposure."
     ]
     heading, ratio, angle = find_other_heading(session)
     if ratio < _MAX_HEADING_RATIO:
@@ -353,7 +353,7 @@ def _surface_points(result: NormalsResult) -> Floats:
 
 
 def _skies(photos: DayPhotos, options: NormalsOptions, pose: Pose) -> tuple[Skies, float | None]:
-    """Skies of the photos' moments, in as many channels as the photos have, and their turbidity if modelled."""
+    """Skies of the photos' moments, in as many channels as the photos have, and their turbidity if modeled."""
     if options.probes is not None:
         skies = read_nearest_skies(options.probes, photos.times, options.utc_offset or 0.0)
         return skies if photos.images.shape[-1] == 3 else gray_skies(skies), None

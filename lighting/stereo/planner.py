@@ -1,4 +1,4 @@
-"""When to photograph: a plan under modelled skies of a place or under measured ones, its record, headlines and picture.
+"""When to photograph: a plan under modeled skies of a place or under measured ones, its record, headlines and picture.
 
 The picture has the gain by start and end of the window, the gain over the sphere for the best windows, and the errors.
 """
@@ -248,7 +248,7 @@ _SKY_TEXT = {"clear": "clear sky", "overcast": "overcast", "mixed": "broken clou
 
 _WIDTH, _HEIGHT = 1600, 900
 MAX_USEFUL_ERROR = 45.0  # deg, a larger error says nothing of the normal
-MIN_GAIN, MAX_GAIN = 1.0, 300.0  # the ends of the scale of colours
+MIN_GAIN, MAX_GAIN = 1.0, 300.0  # the ends of the scale of colors
 
 _RAMP = np.array([[255, 224, 130], [240, 140, 80], [172, 74, 108], [84, 58, 110], [40, 44, 62]])  # low to high gain
 _TRIANGLE = (100, 150, 660)  # left, top and side of the panel by start and end

@@ -1,7 +1,7 @@
 """The windows of a day in which photometric stereo resolves a surface's normals best.
 
 Every window holds the same number of photos, evenly spread from its start to its end, all of one exposure. It brings
-the brightest mean light vector of the plan's days to length 1, under a clear sky where skies are modelled.
+the brightest mean light vector of the plan's days to length 1, under a clear sky where skies are modeled.
 Noise is in per cent of that, which is about the brightness of a surface's best lit spot, so that the surface's albedo
 cancels. A window is judged by the median, over the orientations of interest and draws of the clouds, of the expected
 error of the normal (noise_gain.py).

@@ -70,7 +70,7 @@ class NormalMap:
     error: Image
     """(H, W), expected angle [deg] to the truth."""
     misfit: Image
-    """(H, W), the residual that neighbours share, as a share of the brightest pixel; noise leaves none."""
+    """(H, W), the residual that neighbors share, as a share of the brightest pixel; noise leaves none."""
     network: NDArray[np.bool_]
     """(H, W), where the network's normal was taken."""
     noise: float
@@ -149,7 +149,7 @@ def _measure_noise(pixels: Image, table: Candidates, least: float) -> float:
 
 
 def _shared_residual(difference: Image, mask: NDArray[np.bool_]) -> Image:
-    """Measure what the model misses of pixels and their neighbours alike.
+    """Measure what the model misses of pixels and their neighbors alike.
 
     The noise of pixels is independent and averages out; a wrong sun, a changed exposure or light between parts of the
     surface do not.

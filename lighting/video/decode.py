@@ -97,7 +97,7 @@ _SCALING = {  # by the form that is asked for
     "rgb48le": _AREA,  # exact; with both flags, 4:2:0 that keeps its width turns blue
 }
 _FULL_RANGE = 2  # of FFmpeg's numbers of color ranges
-_MIN_HD_HEIGHT = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
+_MIN_HD_HEIGHT = 720  # rows from which a picture that names no color matrix is taken for one of BT.709
 
 
 def _display_size(picture: Any, aspect: float) -> tuple[int, int]:

@@ -304,7 +304,7 @@ def _fit_rotation_and_zoom(
 
 
 def smooth_parabolic(time: Floats, values: Floats) -> Floats:
-    """Replace each value by the parabola through its neighbours.
+    """Replace each value by the parabola through its neighbors.
 
     Args:
         time: (N,) s, rising.

@@ -315,7 +315,7 @@ def _dji_values(block: str) -> dict[str, str]:
 
 
 def _parse_focal_length(text: str) -> float | None:
-    """Millimetres of "24.00", of "24", and of "240", as models write it that count tenths; None for what cannot be."""
+    """Millimeters of "24.00", of "24", and of "240", as models write it that count tenths; None for what cannot be."""
     value = float(text or 0.0)
     value = 0.1 * value if value >= 100.0 and "." not in text else value
     return value if FOCAL_LENGTHS[0] <= value <= FOCAL_LENGTHS[1] else None

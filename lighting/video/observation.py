@@ -78,8 +78,8 @@ MIXTURE_NOISE = 15.0  # the same by which the mixture may miss it
 MAX_CORRELATION = 0.8  # correlation of the two pictures, from which they are one
 
 _COMPARED_SIDE = 64  # pixels of the longer side
-_EVEN_STD = 40.0  # grey values, to which the standard deviation of every picture is brought
-_MIN_STD = 16.0  # grey values, that of a picture with too little in it to be brought there
+_EVEN_STD = 40.0  # gray values, to which the standard deviation of every picture is brought
+_MIN_STD = 16.0  # gray values, that of a picture with too little in it to be brought there
 _MIN_SHARED = 0.3  # share of a frame that both other pictures must show
 _MAX_UNMIXED = 4  # frames without a mixed one that a dissolve may have
 _CLEAR_FRAMES = 5  # frames to both sides of a dissolve, from where on nothing is mixed
@@ -103,7 +103,7 @@ class _ComparedFrame:
 
     number: int
     time: float  # s
-    picture: NDArray[np.uint8]  # (h, w) grey, as keyframes have it
+    picture: NDArray[np.uint8]  # (h, w) gray, as keyframes have it
     even: NDArray[np.uint8]  # (h, w) smaller, of one mean and spread whatever the exposure
 
 

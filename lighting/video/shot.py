@@ -152,7 +152,7 @@ def _rotation_steps(
 def _close_loops(
     keys: Sequence[Keyframe], orientation: Floats, part: NDArray[np.intp], vertical_fov: float
 ) -> list[_Link]:
-    """Rotations by features between keyframes that look nearly the same way and are not neighbours."""
+    """Rotations by features between keyframes that look nearly the same way and are not neighbors."""
     pairs = list(_near_pairs(orientation, part, MAX_LOOP_ANGLE * vertical_fov))
     step = max(1, math.ceil(len(pairs) / MAX_LOOPS))
     rotations = [(i, j, match_keyframes(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
@@ -287,7 +287,7 @@ class _CameraPath:
     roll: Floats
     """Roll, (N,) deg."""
     bridged: NDArray[np.bool_]
-    """(N,) where nothing could be followed and the neighbours tell."""
+    """(N,) where nothing could be followed and the neighbors tell."""
 
 
 def _make_camera_path(time: Floats, orientations: Floats, is_used: NDArray[np.bool_], leveling: Floats) -> _CameraPath:
@@ -463,7 +463,7 @@ class FrameLight:
     gain: tuple[float, float, float]
     """Linear red, green and blue against the shot's first frame."""
     bridged: bool
-    """Whether the camera's angles follow from its neighbours, because nothing could be followed."""
+    """Whether the camera's angles follow from its neighbors, because nothing could be followed."""
     probe: LightProbe
     """Of that light, and of the place where the maps show it."""
     in_map: bool = False

@@ -86,7 +86,7 @@ class KeyframeBank:
         self.keyframes: list[BankKeyframe] = []
 
     def nearest_of_chain(self, key: Keyframe, orientation: Floats, chain: int, within: float) -> Sequence[BankKeyframe]:
-        """The nearest MAX_COMPARED of a new keyframe's chain within an angle [deg], its neighbours in time left out."""
+        """The nearest MAX_COMPARED of a new keyframe's chain within an angle [deg], its neighbors in time left out."""
         near = [k for k in self._by_angle(orientation) if k.chain == chain and _angle(k, orientation) < within]
         recent = key.number - RECENT_KEYFRAMES
         return [k for k in near if k.keyframe.number < recent or k.keyframe.stretch != key.stretch][:MAX_COMPARED]

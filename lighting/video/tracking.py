@@ -60,8 +60,8 @@ _EXACT_PRIOR = 1e18  # inverse variance of the logarithm of a focal length that 
 _FLOW_WINDOW = (15, 15)
 _FLOW_LEVELS = 4  # of the pyramid: a point may move by a fifth of the picture from one frame to the next
 _MAX_CORRECTION = 3.0  # pixels by which the comparison with the keyframe may move a point
-_MAX_FLOW_ERROR = 12.0  # grey values by which a point's surroundings may differ from those in its keyframe
-_EVEN_STD = 50.0  # grey values, the standard deviation to which every frame is brought: gains do not disturb
+_MAX_FLOW_ERROR = 12.0  # gray values by which a point's surroundings may differ from those in its keyframe
+_EVEN_STD = 50.0  # gray values, the standard deviation to which every frame is brought: gains do not disturb
 _LIGHT_SIDE = 160  # pixels of the longer side in which a gain is measured
 _MIN_LIT_SHARE = 0.02  # share of the picture that must be neither black nor clipped
 _CODES = np.arange(256)
@@ -83,7 +83,7 @@ class Keyframe:
     time: float
     """Time, seconds."""
     picture: NDArray[np.uint8]
-    """(h, w) grey, FEATURE_SIDE pixels along its longer side at most."""
+    """(h, w) gray, FEATURE_SIDE pixels along its longer side at most."""
     zoom: float = 1.0
     """Its focal length by that of the lens as which its features are to be seen."""
 
@@ -154,7 +154,7 @@ class PointTracker:
         return step
 
     def _even(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Grey values of one mean and spread, whatever the exposure."""
+        """Gray values of one mean and spread, whatever the exposure."""
         gray = self._cv2.cvtColor(pixels, self._cv2.COLOR_RGB2GRAY)
         mean, std = self._cv2.meanStdDev(gray)
         scale = _EVEN_STD / max(float(std[0, 0]), 4.0)

@@ -28,7 +28,7 @@ def sky_directions(sun: Floats, rng: np.random.Generator) -> Floats:
 
 
 def disc_directions(azimuth: float, elevation: float) -> Floats:
-    """Unit vectors (N, 3) from the disc's centre to nearly its edge, downwards and sideways."""
+    """Unit vectors (N, 3) from the disc's center to nearly its edge, downwards and sideways."""
     offset = SUN_RADIUS * np.array([0.0, 0.3, 0.6, 0.9, 0.98])
     down = direction(azimuth, elevation - offset)
     across = direction(azimuth + offset / np.cos(np.radians(min(elevation, 89.0))), elevation)

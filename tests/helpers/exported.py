@@ -37,7 +37,7 @@ class ExportedScene:
     spot: Floats  # (3,)
     lit_ground: NDArray[np.bool_]  # (H, W) where shadows of the sun may fall
     environment: Floats | None  # (H, 2H, 3); None: the tool has no map
-    map_azimuth: float = 0.0  # deg, of the map's centre
+    map_azimuth: float = 0.0  # deg, of the map's center
 
     def sky_irradiance(self, normal: Floats) -> Floats:
         """(3,) that the map gives to a surface, by its normal (3,)."""
@@ -77,7 +77,7 @@ def _read_blender(folder: Path) -> ExportedScene:
     numbers = json.loads((folder / "scene.json").read_text())
     sun, camera = numbers["sun"], numbers["camera"]
     matrix = np.array(camera["matrix"])
-    yaw = np.radians(-numbers["sky"]["yaw"])  # lookups turn by yaw; the map's centre is +X
+    yaw = np.radians(-numbers["sky"]["yaw"])  # lookups turn by yaw; the map's center is +X
     return ExportedScene(
         sun_direction=_from_z_up(sun["direction"]),
         sun_irradiance=np.array(sun["colour"]) * sun["irradiance"],
@@ -116,7 +116,7 @@ def _read_usd(folder: Path) -> ExportedScene:
         spot=world("/World/YourObject")[:3, 3],
         lit_ground=_mask(folder / plate.GetCustomDataByKey("litGround").path),
         environment=_read_map(folder / sky.GetTextureFileAttr().Get().path),
-        map_azimuth=float(angles(world("/World/Sky")[:3, 2])[0]),  # OpenEXR's lat-long has +Z at the centre
+        map_azimuth=float(angles(world("/World/Sky")[:3, 2])[0]),  # OpenEXR's lat-long has +Z at the center
     )
 
 
@@ -166,7 +166,7 @@ def _read_threejs(folder: Path) -> ExportedScene:
         spot=np.array(numbers["spot"]),
         lit_ground=np.asarray(mask >= 128),
         environment=np.asarray(environment[..., ::-1], dtype=np.float64),
-        map_azimuth=90.0,  # three.js has +X at the centre
+        map_azimuth=90.0,  # three.js has +X at the center
     )
 
 
@@ -192,7 +192,7 @@ def _read_godot(folder: Path) -> ExportedScene:
         spot=spot[9:],
         lit_ground=_mask(folder / "lit_ground.png"),
         environment=_read_map(folder / "environment.exr"),
-        map_azimuth=float(angles(np.array([np.sin(turn), 0.0, np.cos(turn)]))[0]),  # Godot has +Z at the centre
+        map_azimuth=float(angles(np.array([np.sin(turn), 0.0, np.cos(turn)]))[0]),  # Godot has +Z at the center
     )
 
 
@@ -208,7 +208,7 @@ def _read_unreal(folder: Path) -> ExportedScene:
 
     sun, camera = numbers["sun"], numbers["camera"]
     forward, right, up = axes(camera["rotation"])
-    angle = np.radians(-numbers["sky"]["angle"])  # lookups turn by the angle; the map's centre is -Y
+    angle = np.radians(-numbers["sky"]["angle"])  # lookups turn by the angle; the map's center is -Y
     centre = ours([np.sin(angle), -np.cos(angle), 0.0])
     ball = numbers["placeholder"]["ball"]
     environment = cv2.imread(str(folder / numbers["environment"]), cv2.IMREAD_UNCHANGED)
@@ -285,7 +285,7 @@ def _read_mitsuba(folder: Path) -> ExportedScene:
         spot=find(thing, f"{ball}/point", "value") - [0, find(thing, f"{ball}/float", "value")[0], 0],
         lit_ground=_mask(folder / "lit_ground.png"),
         environment=_read_map(folder / "environment.exr"),
-        map_azimuth=float(angles(np.array([np.sin(turn), 0.0, np.cos(turn)]))[0]),  # it has +Z at the centre
+        map_azimuth=float(angles(np.array([np.sin(turn), 0.0, np.cos(turn)]))[0]),  # it has +Z at the center
     )
 
 

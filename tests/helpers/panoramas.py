@@ -47,7 +47,7 @@ VIEWS = [Camera(0, 12.0, -7.0, 60.0, 4 / 3), Camera(0, -5.0, 9.0, 70.0, 3 / 4), 
 
 
 def crop(camera: Camera, azimuth: float, elevation: float) -> Crop:
-    """A grey picture of the size that the canvas holds."""
+    """A gray picture of the size that the canvas holds."""
     height = round(EXAMPLES_SPEC.width / max(camera.aspect, 1.0))
     linear = np.full((height, round(height * camera.aspect), 3), 0.2, np.float32)
     return Crop(linear, camera, azimuth, elevation, 2.0, 1.0, 3.0, 0.5)

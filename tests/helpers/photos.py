@@ -106,14 +106,14 @@ def write_png16(path: Path, pixels: NDArray[np.uint16], camera: dict[int, Any] |
 
 
 def png(width: int, height: int, rows: bytes, *extra: bytes, depth: int = 8, colour: int = 0) -> bytes:
-    """A PNG that announces this size and kind, grey if not told, before these rows and further chunks."""
+    """A PNG that announces this size and kind, gray if not told, before these rows and further chunks."""
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth, colour, 0, 0, 0))
     body = header + b"".join(extra) + chunk(b"IDAT", zlib.compress(rows, 1))
     return b"\x89PNG\r\n\x1a\n" + body + chunk(b"IEND", b"")
 
 
 def grey_tiff(width: int, height: int, bits: int, data: bytes, *, white_is_zero: bool = False) -> bytes:
-    """A little-endian TIFF of one strip, as Pillow writes none: of any number of bits, its greys in either order."""
+    """A little-endian TIFF of one strip, as Pillow writes none: of any number of bits, its grays in either order."""
     begin = 8 + 2 + 12 * 9 + 4
     tags = ((256, width), (257, height), (258, bits), (259, 1), (262, not white_is_zero), (273, begin), (277, 1))
     entries = b"".join(

@@ -51,7 +51,7 @@ def small_map(lighting: Lighting) -> NDArray[np.float32]:
 
 
 def amber(panel: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Rows and columns of the pixels in the sun's colour."""
+    """Rows and columns of the pixels in the sun's color."""
     return np.argwhere(np.abs(panel - np.array(SUN)).max(axis=-1) < 8)
 
 
@@ -64,7 +64,7 @@ LIGHT = Lighting(
     camera_roll=4.0,
     vertical_fov=50.0,
 )
-PLAIN = np.full((30, 40, 3), 99, np.uint8)  # a grey photo
+PLAIN = np.full((30, 40, 3), 99, np.uint8)  # a gray photo
 GROUND = 0.25  # the photo's linear value of open ground, which the exposure is chosen for
 
 
@@ -79,7 +79,7 @@ def sunlit_scene(width: int = 480, height: int = 360) -> Scene:
 
 
 def plain_scene(**changes: Any) -> Scene:
-    """A grey photo under LIGHT with these fields changed."""
+    """A gray photo under LIGHT with these fields changed."""
     return make_scene(Photo(PLAIN, 40, 30, "PNG"), replace(LIGHT, **changes), map_height=32)
 
 

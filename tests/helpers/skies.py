@@ -56,12 +56,12 @@ def angles(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
 
 
 def gray_blocks(seed: int = 0, side: int = 64) -> NDArray[Any]:
-    """Blocks of several greys, which have edges whatever the light."""
+    """Blocks of several grays, which have edges whatever the light."""
     return np.asarray(np.kron(np.random.default_rng(seed).uniform(0.1, 0.7, (side // 8, side // 8)), np.ones((8, 8))))
 
 
 def write_photo(path: Path, picture: NDArray[Any], time: datetime | None, seconds: float = 0.01, **tags: Any) -> None:
-    """A JPEG of grey values (H, W) from 0 to 1 with EXIF of its time and exposure."""
+    """A JPEG of gray values (H, W) from 0 to 1 with EXIF of its time and exposure."""
     exif = Picture.Exif()
     camera = exif.get_ifd(ExifTags.IFD.Exif)
     if time is not None:

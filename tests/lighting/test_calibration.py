@@ -175,7 +175,7 @@ LEVEL = up_in_camera(0.0, 0.0)
 
 
 def bar(leaning: float, width: float = 40.0, size: int = 120) -> NDArray[np.uint8]:
-    """A smooth bright bar through the middle of a grey picture, leaning to the right by an angle [deg]."""
+    """A smooth bright bar through the middle of a gray picture, leaning to the right by an angle [deg]."""
     y, x = np.mgrid[:size, :size] - (size - 1) / 2
     angle = np.radians(leaning)
     across = x * np.cos(angle) + y * np.sin(angle)

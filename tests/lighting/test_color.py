@@ -110,7 +110,7 @@ def test_a_file_in_acescg_is_read_in_rec709_and_one_in_rec709_as_it_is(tmp_path:
 def test_primaries_of_no_colours_are_refused(tmp_path: Path) -> None:
     header = {"type": OpenEXR.scanlineimage, "chromaticities": (0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.0)}
     OpenEXR.File(header, {"RGB": np.ones((2, 4, 3), np.float32)}).write(str(tmp_path / "none.exr"))
-    with pytest.raises(EnvironmentMapError, match="those of no colours"):
+    with pytest.raises(EnvironmentMapError, match="those of no colors"):
         read_exr(tmp_path / "none.exr")
 
 

@@ -194,7 +194,7 @@ def test_upside_down_commutes_with_sampling(seed: int, height: int) -> None:
 def test_sampling_a_smooth_picture_is_accurate_everywhere(seed: int) -> None:
     d = vectors(seed)
     d = np.concatenate([d / np.linalg.norm(d, axis=1, keepdims=True), [Y, -Y, Z, X, -X, -Z]])
-    image = latlong_directions(64).astype(np.float32)  # a picture whose colour is its own direction
+    image = latlong_directions(64).astype(np.float32)  # a picture whose color is its own direction
     assert np.abs(sample_latlong(image, d) - d).max() < (np.pi / 64) ** 2 / 4 + 1e-6
 
 

@@ -265,7 +265,7 @@ def test_to_tensor_is_place_of_the_resized_photo() -> None:
 
 
 def test_to_tensor_does_not_alias() -> None:
-    """A one-pixel chequerboard is grey from afar."""
+    """A one-pixel chequerboard is gray from afar."""
     board = (np.indices((640, 960)).sum(axis=0) % 2 * 255).astype(np.uint8)
     photo = Photo(np.repeat(board[..., None], 3, axis=-1), 960, 640, "PNG")
     grey = (0.5 - np.array(TINY.mean)) / TINY.std

@@ -573,7 +573,7 @@ def check_report(printed: str) -> dict[str, Any]:
     all_kept, same_parent, above, moved_along, names, lit = report["own"]
     assert lit == [name for name in names if name.startswith("Ground")]
     assert (all_kept, same_parent, moved_along) == (True, True, True)
-    assert above == pytest.approx([0, 0, 3])  # the child's metre under a parent that the artist has scaled
+    assert above == pytest.approx([0, 0, 3])  # the child's meter under a parent that the artist has scaled
     assert {name.split(".")[0] for name in names} == {"Camera", "Ground", "Sun", "Your object here"}
     assert report["undone"] == [4, 0, 4, 0]
     assert report["sun lamps"] == 1

@@ -154,7 +154,7 @@ def test_the_report_has_a_row_for_each_power(monkeypatch: pytest.MonkeyPatch, li
     monkeypatch.setattr(module, "take_hdr_crops", lambda *given: given[-1])
     monkeypatch.setattr(module, "_sample_suns", lambda _, part: [sun("a", CYAN if part == "train" else WHITE)])
     report = FIT_REPORTS["sun-color"](Model.load(lit_network), Path("data"), Path("labels.csv"))
-    assert report.startswith("Error of colour in 1 crops of `train`, 1 crops of `val`")
+    assert report.startswith("Error of color in 1 crops of `train`, 1 crops of `val`")
     assert "| 0 | 0.0\N{DEGREE SIGN} / 0.0\N{DEGREE SIGN} | " in report
     assert report.count("\n| 0") == len(SUN_POWERS)
 

@@ -35,7 +35,7 @@ GRID = "/".join(["S" * 12] * 4 + ["G" * 6 + "W" * 6] * 5)
 
 
 def write_data(folder: Path, *rows: str) -> None:
-    """A folder of pictures: sky over grey ground and blue water."""
+    """A folder of pictures: sky over gray ground and blue water."""
     (folder / "ground.csv").write_text(HEADER + "".join(f"{row}\n" for row in rows))
     (folder / "photos.csv").write_text("file,group\na.png,anna_1\nb.png,anna_2\n")
     picture = np.full((90, 120, 3), (150, 190, 240), dtype=np.uint8)

@@ -98,7 +98,7 @@ def test_bad_exposures_end_as_one_sentence(exposures: list[Path], tmp_path: Path
         ((exposures[0],), "only one"),
         ((*exposures, "--time", "2024-06-01T23:00Z"), "night"),
         ((*exposures, "--curve", "srgb", "--time", "2024-06-01T09:00Z"), "--curve linear"),
-        ((*exposures, "--centre", "4000,3"), "centre in the picture"),
+        ((*exposures, "--centre", "4000,3"), "center in the picture"),
     ):
         result = run("merge", *given, *base)
         assert result.exit_code == 1, result.output
@@ -140,7 +140,7 @@ def test_a_map_without_a_sky_is_said(tmp_path: Path) -> None:
 def test_the_side_of_the_sun_is_told_as_everywhere(tmp_path: Path, sun: str, azimuth: float, side: str) -> None:
     sky = Lighting(sun_azimuth=azimuth, sun_elevation=30.0, turbidity=3.0, exposure=1.0)
     write_exr(tmp_path / "a.exr", render(sky, 64))
-    assert f": sun {side} of the centre, 30.0° high (given); " in run("fit", tmp_path / "a.exr", "--sun", sun).stdout
+    assert f": sun {side} of the center, 30.0° high (given); " in run("fit", tmp_path / "a.exr", "--sun", sun).stdout
     assert json.loads(run("fit", tmp_path / "a.exr", "--sun", sun, "--json").stdout)["sun_azimuth"] == azimuth
 
 

@@ -165,8 +165,8 @@ def test_what_goes_wrong_is_one_sentence(arguments: list[str], status: int, said
 
 def test_probes_are_read_and_their_folder_named(tmp_path: Path) -> None:
     assert "holds no probe" in run("--probes", tmp_path).stderr
-    assert "--sky is a modelled one" in run("--probes", tmp_path, "--sky", "clear").stderr
-    assert "--lat and --lon are of modelled skies" in run("--probes", tmp_path, *STEREO_PLAN_PLACE).stderr
+    assert "--sky is a modeled one" in run("--probes", tmp_path, "--sky", "clear").stderr
+    assert "--lat and --lon are of modeled skies" in run("--probes", tmp_path, *STEREO_PLAN_PLACE).stderr
     rng = np.random.default_rng(0)
     for minute in range(0, 75, 15):
         folder = tmp_path / "20260621" / f"{10 + minute // 60}{minute % 60:02d}00"

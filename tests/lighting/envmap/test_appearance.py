@@ -162,7 +162,7 @@ SUNSET = np.array([0.3, 0.2, 0.1])
 
 
 def photo_of_sky(sky: Sequence[float] | np.ndarray, detail: float = 0.0) -> np.ndarray:
-    """A sky of one colour over dark ground; `detail` alternates its brightness from pixel to pixel."""
+    """A sky of one color over dark ground; `detail` alternates its brightness from pixel to pixel."""
     linear = np.full((60, 80, 3), 0.03, np.float32)
     rows, columns = np.indices((30, 80))
     linear[:30] = np.asarray(sky) * (1 + detail * (-1.0) ** (rows // 2 + columns // 2))[..., None]
@@ -300,7 +300,7 @@ def test_a_sky_without_green_gives_bounded_factors() -> None:
 
 
 def test_an_orange_jacket_does_not_colour_the_ground() -> None:
-    """Grey ground, most of it hidden by people in orange; without knowing what the photo shows it is brown."""
+    """Gray ground, most of it hidden by people in orange; without knowing what the photo shows it is brown."""
     light = replace(stated_light(40.0), camera_elevation=-10.0, vertical_fov=50.0)
     picture = np.full((90, 120, 3), 110, dtype=np.uint8)
     picture[36:, 24:96] = (230, 120, 20)

@@ -37,7 +37,7 @@ LIGHT = replace(stated_light(40.0, camera_elevation=0.0), vertical_fov=50.0)
 
 
 def photo(width: int = 160, height: int = 120) -> np.ndarray:
-    """Blue sky over a brown wall with windows, and grey ground."""
+    """Blue sky over a brown wall with windows, and gray ground."""
     pixels = np.empty((height, width, 3), np.uint8)
     pixels[: height // 3] = (90, 130, 200)
     pixels[height // 3 : height // 2] = (120, 90, 60)

@@ -55,7 +55,7 @@ def test_the_sun_keeps_its_ratio_to_the_models() -> None:
 
 @pytest.mark.parametrize(("cover", "spread"), [(0.0, 0.0), (1.0, 1.0)])
 def test_an_overcast_sky_changes_in_grey_alone(cover: float, spread: float) -> None:
-    """A clear sky's colour follows the model; the ratio of an overcast one's channels stays."""
+    """A clear sky's color follows the model; the ratio of an overcast one's channels stays."""
     stated = replace(STATED, sky_cover=cover)
     gain = sky_irradiance(edit_lighting(stated, CHANGES)) / sky_irradiance(stated)
     model = sky_irradiance(edit_lighting(PLAIN, CHANGES)) / sky_irradiance(PLAIN)

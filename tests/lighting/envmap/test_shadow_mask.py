@@ -139,7 +139,7 @@ def test_a_picture_of_one_pixel_is_answered() -> None:
 
 # What stands on it
 
-CAMERA = Pinhole(160, 120, LIGHT.vertical_fov, elevation=-90.0)  # looks straight down, so that metres are pixels
+CAMERA = Pinhole(160, 120, LIGHT.vertical_fov, elevation=-90.0)  # looks straight down, so that meters are pixels
 
 
 def around(x: float, y: float, reach: float) -> float:

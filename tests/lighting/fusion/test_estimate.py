@@ -84,7 +84,7 @@ def test_the_suns_colour_follows_its_known_elevation() -> None:
 
 
 def test_photos_taken_together_keep_the_colour_of_one_low_sun() -> None:
-    """One has it at 37 deg, the other at 8: both get the colour that the time asks of their common light."""
+    """One has it at 37 deg, the other at 8: both get the color that the time asks of their common light."""
     evening = observations_from_metadata(
         replace(METADATA, local_time=clock(datetime(2024, 6, 1, 18, 30, tzinfo=UTC))), UserInput()
     )

@@ -248,7 +248,7 @@ def test_twilight_puts_the_sun_on_the_horizon_without_light() -> None:
 
 
 def test_half_a_sun_still_shines() -> None:
-    """Bodo at the winter solstice: the centre is seen 0.1 deg below the horizon."""
+    """Bodo at the winter solstice: the center is seen 0.1 deg below the horizon."""
     found = observations_from_metadata(
         PhotoMetadata(), UserInput(**{**TROMSO_NOON, "latitude": 67.3, "longitude": 14.4})
     )

@@ -161,7 +161,7 @@ def test_sixteen_bit_grey_becomes_three_channels(tmp_path: Path) -> None:
 @pytest.mark.parametrize("mode", ["F", "I"])
 def test_thirty_two_bits_are_refused_and_not_cut_to_eight_or_sixteen(tmp_path: Path, mode: str) -> None:
     Image.fromarray(NOISE[..., 0]).convert(mode).save(tmp_path / "a.tif")
-    with pytest.raises(PhotoError, match=r"a\.tif: The TIFF holds 32 bits per colour"):
+    with pytest.raises(PhotoError, match=r"a\.tif: The TIFF holds 32 bits per color"):
         read_linear(tmp_path / "a.tif")
 
 
@@ -217,7 +217,7 @@ def test_raw_photos_are_linear_whatever_their_brightest_pixel(tmp_path: Path) ->
         photo = read_linear(tmp_path / f"{name}.dng")
         inside = (slice(8, -8), slice(8, -8))
         expected = np.repeat((ramp * part / 16383)[..., None], 3, axis=-1)
-        # The middle of two neighbours of a row counts half a step of the ramp.
+        # The middle of two neighbors of a row counts half a step of the ramp.
         assert photo.pixels[inside] == pytest.approx(expected[inside], abs=0.003)
         assert photo.step == pytest.approx(1 / 16383)
 

@@ -425,7 +425,7 @@ def test_a_fully_transparent_photo_is_refused() -> None:
 
 
 def swapped_profile() -> bytes:
-    """A colour profile of the sRGB kind whose red and green primaries changed places."""
+    """A color profile of the sRGB kind whose red and green primaries changed places."""
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     swapped = profile.replace(b"rXYZ", b"????").replace(b"gXYZ", b"rXYZ").replace(b"????", b"gXYZ")
     renamed = swapped.replace("sRGB".encode("utf-16-be"), "Test".encode("utf-16-be"))
@@ -478,7 +478,7 @@ def test_a_profile_survives_palette_reduction_and_rotation() -> None:
 @pytest.mark.parametrize(
     "profile",
     [b"garbage", swapped_profile()[:200], ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()],
-    ids=["garbage", "cut short", "another colour space"],
+    ids=["garbage", "cut short", "another color space"],
 )
 @pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP"])
 def test_an_unfit_profile_does_not_reject_a_photo(profile: bytes, file_format: str) -> None:
@@ -506,7 +506,7 @@ def test_what_is_no_photo_is_refused(data: bytes) -> None:
 
 @pytest.mark.parametrize("mode", ["F", "I"])
 def test_a_tiff_of_32_bits_is_refused_since_its_white_is_unknown(mode: str) -> None:
-    assert "32 bits per colour" in refusal(encode(Image.fromarray(SCENE).convert("L").convert(mode), "TIFF"))
+    assert "32 bits per color" in refusal(encode(Image.fromarray(SCENE).convert("L").convert(mode), "TIFF"))
 
 
 def test_a_tiff_of_floats_in_colour_is_called_a_tiff() -> None:
@@ -515,7 +515,7 @@ def test_a_tiff_of_floats_in_colour_is_called_a_tiff() -> None:
     data = encode(SCENE, "TIFF")
     assert data.count(eight) == 1
     assert refusal(data.replace(eight, floats)) == (
-        "The TIFF is damaged or not supported, such as 32 bits per colour; convert it to 8 or 16 bits."
+        "The TIFF is damaged or not supported, such as 32 bits per color; convert it to 8 or 16 bits."
     )
 
 

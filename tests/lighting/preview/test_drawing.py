@@ -25,7 +25,7 @@ def canvas() -> Image.Image:
 
 
 def ink_in(picture: Image.Image) -> tuple[float, float]:
-    """Centre (x, y) of all that was drawn, and that something was."""
+    """Center (x, y) of all that was drawn, and that something was."""
     weight = np.asarray(picture).astype(float).sum(axis=-1)
     assert weight.sum() > 0
     y, x = np.indices(weight.shape) + 0.5

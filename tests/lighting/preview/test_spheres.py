@@ -310,7 +310,7 @@ def balls_in_light() -> SphereScene:
 
 
 def drawn(ground: np.ndarray) -> np.ndarray:
-    """Linear values of a picture of one colour with the balls in it."""
+    """Linear values of a picture of one color with the balls in it."""
     picture = Image.fromarray(tone_map(np.broadcast_to(ground, (PHOTO_HEIGHT, PHOTO_WIDTH, 3))))
     return srgb_decode(np.asarray(insert_balls(picture, LIGHT, balls_in_light())) / 255.0)
 
@@ -328,7 +328,7 @@ def test_the_balls_stand_side_by_side_on_the_spot() -> None:
 
 
 def test_balls_on_far_ground_are_no_giants() -> None:
-    """A metre of radius at most, however high the camera is, and none reaches above the camera."""
+    """A meter of radius at most, however high the camera is, and none reaches above the camera."""
     far = camera_directions(replace(CAMERA, height=1200, width=1600))[420, 800]
     for height, radius in ((1.6, 0.4 * 1.6), (60.0, 1.0)):
         centers, pixels = _ball_centers(CAMERA, far, height)
@@ -433,7 +433,7 @@ def test_ground_in_shade_is_not_darkened_by_the_sun_again() -> None:
 
 
 def test_balls_on_ground_in_shade_are_in_shade() -> None:
-    """Seen from where the sun is, the grey ball of the shaded picture has the sky's light alone."""
+    """Seen from where the sun is, the gray ball of the shaded picture has the sky's light alone."""
     behind = replace(LIGHT, sun_azimuth=180.0)
     centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
     lit = build_sphere_scene(render(behind, 64), behind.sun_direction, centers)

@@ -126,7 +126,7 @@ def test_the_light_of_a_point_survives_at_its_place(kind: LensKind, width: int) 
     power = 1000 * np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) / 2
     image, clipped = resample_to_latlong(picture, mask, lens, yaw_rotation(-90.0), 64)
     light = image[..., 1].sum(axis=1) @ latlong_solid_angle(64)
-    assert light == pytest.approx(power, rel=0.05)  # large pixels, neighbours differ in size
+    assert light == pytest.approx(power, rel=0.05)  # large pixels, neighbors differ in size
     row, column = np.unravel_index(int(image[..., 1].argmax()), image.shape[:2])
     there = latlong_pixel(direction(-30.0, 35.0), 64)
     assert (column, row) == pytest.approx((there[0] - 0.5, there[1] - 0.5), abs=1.5)

@@ -58,7 +58,7 @@ def test_the_sun_stands_out_and_nothing_is_outside_the_lens() -> None:
 
 STACK = Path(__file__).parents[3].parent / "shared" / "stereo-data" / "fisheye_bracket"
 ALPNACH = Moment(datetime(2018, 1, 29, 11, 9, 20, tzinfo=UTC), 46.94, 8.28)
-ALPNACH_CIRCLE = ((149.5, 141.0), 132.5)  # centre and radius, pixels, read off the longest exposure
+ALPNACH_CIRCLE = ((149.5, 141.0), 132.5)  # center and radius, pixels, read off the longest exposure
 MOMENT = Moment(SKY_DAY, *SKY_PLACE)
 LENS = make_lens("equidistant", 400, 400)
 

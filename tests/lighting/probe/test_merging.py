@@ -175,7 +175,7 @@ def test_radiance_over_six_decades_comes_back() -> None:
 
 def test_what_is_clipped_in_every_exposure_stays_the_brightest_and_is_marked() -> None:
     radiance = np.full((9, 9, 3), 100.0)
-    radiance[4, 3], radiance[4, 4] = 900.0, 10_000.0  # the weights of cv2.MergeDebevec put this one below its neighbour
+    radiance[4, 3], radiance[4, 4] = 900.0, 10_000.0  # the weights of cv2.MergeDebevec put this one below its neighbor
     merged = merge_exposures(bracket(radiance), TIMES)
     assert merged.clipped.sum() == 1
     assert merged.clipped[4, 4]

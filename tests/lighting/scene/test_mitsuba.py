@@ -132,7 +132,7 @@ def test_an_object_in_the_photos_shade_is_in_shade(tmp_path: Path) -> None:
 
 
 def ball_pixel(scene: Scene) -> tuple[int, int]:
-    """Where the plate's camera sees the ball's centre."""
+    """Where the plate's camera sees the ball's center."""
     center = scene.spot + scene.placeholder.ball_center - scene.camera_position
     x, y = camera_pixel(center, photo_camera(scene.lighting, scene.width, scene.height))
     return int(x), int(y)

@@ -95,7 +95,7 @@ def draw_page(scene: Scene, folder: Path) -> Pictures:
 
 
 def pixel_at(picture: NDArray[Any], scene: Scene, points: NDArray[Any]) -> NDArray[Any]:
-    """Linear colours (..., 3) that a picture shows at points (..., 3)."""
+    """Linear colors (..., 3) that a picture shows at points (..., 3)."""
     light = scene.lighting
     x, y = np.moveaxis(
         camera_pixel(
@@ -210,7 +210,7 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
 
 @pytest.mark.slow
 def test_the_page_has_the_same_rule_of_shade(half_pictures: Pictures, shade_pictures: Pictures) -> None:
-    """Shown as a grey background."""
+    """Shown as a gray background."""
     for scene, drawn in ((half_shaded_scene(), half_pictures), (shaded_spot_scene(), shade_pictures)):
         share = srgb_decode(drawn["share"][0, 0] / 255.0)
         assert share == pytest.approx(0.0 if scene.spot_in_shade else 1.0, abs=0.02)

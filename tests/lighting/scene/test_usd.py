@@ -126,7 +126,7 @@ def is_lit(stage: Any, part: str) -> bool:
 
 @BOTH_AXES
 def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str) -> None:
-    """A map with one bright pixel, by OpenEXR's definition: +Z at the centre, longitude falls to the right."""
+    """A map with one bright pixel, by OpenEXR's definition: +Z at the center, longitude falls to the right."""
     environment = np.zeros_like(sunlit_scene().environment)
     environment[30, 400] = 1.0
     save_files(tmp_path, usd.encode_usd(replace(sunlit_scene(), environment=environment), up_axis=up_axis))

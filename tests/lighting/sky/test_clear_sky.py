@@ -45,7 +45,7 @@ def mitsuba() -> None:
 
 
 def relative_error(value: Floats, expected: Floats) -> float:
-    """The largest error over its value, where a channel counts as at least 1/1000 of its colour's brightest."""
+    """The largest error over its value, where a channel counts as at least 1/1000 of its color's brightest."""
     floor = 1e-3 * expected.max(axis=-1, keepdims=True)
     return float(np.max(np.abs(value - expected) / np.maximum(expected, np.maximum(floor, 1e-9))))
 
@@ -229,7 +229,7 @@ def test_the_clearest_sky_of_the_table_is_that_of_turbidity_4() -> None:
 
 @pytest.mark.parametrize("elevation", np.arange(-4.2, 90.1, 2.9))
 def test_every_sky_is_smooth_and_mirrored_about_the_sun(elevation: float) -> None:
-    """Between its suns the data set has coloured arcs, which the table does not."""
+    """Between its suns the data set has colored arcs, which the table does not."""
     image = prague_radiance(latlong_directions(64)[:32], direction(0.0, elevation), 8.0)
     assert image.min() > 0
     assert image == pytest.approx(image[:, ::-1], rel=1e-5)

@@ -149,7 +149,7 @@ def _one_grey(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "sentence"),
     [
-        (_one_grey, "one is grey and one in colour"),
+        (_one_grey, "one is gray and one in color"),
         (_one_brighter, "differ in exposure"),
         (_one_larger, "differ in size"),
         (_one_moved, "must not move"),

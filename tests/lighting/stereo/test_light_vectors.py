@@ -1,4 +1,4 @@
-"""Mean light vectors, and modelled skies."""
+"""Mean light vectors, and modeled skies."""
 
 from datetime import date
 from typing import Any

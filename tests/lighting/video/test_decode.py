@@ -414,7 +414,7 @@ def test_colours_of_hdr_are_its_own_at_every_size(side: int, stretch: float) -> 
 
 
 def decoded(coded: tuple[float, float, float], weights: tuple[float, float]) -> list[float]:
-    """Red, green and blue of luma and both colour differences in the limited range of 8 bits."""
+    """Red, green and blue of luma and both color differences in the limited range of 8 bits."""
     luma, of_blue, of_red = (coded[0] - 16) / 219, (coded[1] - 128) / 224, (coded[2] - 128) / 224
     red, blue = luma + 2 * (1 - weights[0]) * of_red, luma + 2 * (1 - weights[1]) * of_blue
     green = (luma - weights[0] * red - weights[1] * blue) / (1 - sum(weights))
@@ -422,7 +422,7 @@ def decoded(coded: tuple[float, float, float], weights: tuple[float, float]) -> 
 
 
 def test_pq_reaches_the_levels_of_bt2408() -> None:
-    """Table 1 of the report: 58 % is 203 cd/m2, 75 % 983 cd/m2, 38 % 26 cd/m2 (18 % grey)."""
+    """Table 1 of the report: 58 % is 203 cd/m2, 75 % 983 cd/m2, 38 % 26 cd/m2 (18 % gray)."""
     light = DECODE_CURVES["pq"]([0.38, 0.58, 0.75, 1.0]) * 203.0
     np.testing.assert_allclose(light, [26, 203, 983, 10000], rtol=0.03)  # signals are rounded to per cents
 
@@ -430,7 +430,7 @@ def test_pq_reaches_the_levels_of_bt2408() -> None:
 def test_hlg_is_one_at_diffuse_white_and_twelve_times_its_knee_at_the_top() -> None:
     assert DECODE_CURVES["hlg"](0.75) == pytest.approx(1.0)
     assert DECODE_CURVES["hlg"](1.0) / DECODE_CURVES["hlg"](0.5) == pytest.approx(12.0, rel=1e-4)
-    assert DECODE_CURVES["hlg"](0.38) == pytest.approx(0.18, abs=0.01)  # BT.2408: 18 % grey
+    assert DECODE_CURVES["hlg"](0.38) == pytest.approx(0.18, abs=0.01)  # BT.2408: 18 % gray
 
 
 @pytest.mark.parametrize("curve", ["hlg", "pq"])

@@ -7,7 +7,7 @@ export interface Camera {
   elevation: number;
   roll: number;
   vertical_fov: number;
-  height?: number; // metres above the ground
+  height?: number; // meters above the ground
 }
 
 export interface Size {

@@ -1,4 +1,4 @@
-/** Colours: of bytes, of linear values, and between them. */
+/** Colors: of bytes, of linear values, and between them. */
 
 /** Bytes. */
 export type Rgb = readonly [red: number, green: number, blue: number];
@@ -14,7 +14,7 @@ export function parseHexColor(hex: string): Rgb {
   return [(value >> 16) & 255, (value >> 8) & 255, value & 255];
 }
 
-/** The colour at `level` (0 to 1) between equally spaced stops. */
+/** The color at `level` (0 to 1) between equally spaced stops. */
 export function mixColors(stops: readonly Rgb[], level: number): Rgb {
   const position = Math.min(Math.max(level, 0), 1) * (stops.length - 1);
   const low = Math.min(Math.floor(position), stops.length - 2);

@@ -27,7 +27,7 @@ export function probabilityWithin(cells: readonly GridCell[], ray: Vector, radiu
   return cells.reduce((sum, cell) => sum + (dot(cell.ray, ray) >= cosine ? cell.probability : 0), 0);
 }
 
-/** Probability density per steradian, every cell spread over its neighbourhood (0.6 times the cells' distance). */
+/** Probability density per steradian, every cell spread over its neighborhood (0.6 times the cells' distance). */
 export function smoothDensity(cells: readonly GridCell[]): (ray: Vector) => number {
   const concentration = (2.8 * cells.length) / (2 * Math.PI);
   const peak = Math.max(...cells.map((cell) => cell.probability));

@@ -1,4 +1,4 @@
-/** Where an object stands: metres, the camera at the origin, level ground below it; and whether the sun reaches it there. */
+/** Where an object stands: meters, the camera at the origin, level ground below it; and whether the sun reaches it there. */
 
 import { clamp, combine, dot, radians, type Vector } from "./angles";
 import { type Camera, cameraAxes, type Point, pixelRay, project } from "./camera";
@@ -7,18 +7,18 @@ import type { Pixels } from "./color";
 /** Of an object in the photo. */
 export interface Placement {
   position: Vector; // of the point where it touches the ground, or of its foot where no ground is in view
-  radius: number; // metres
+  radius: number; // meters
   rotation: number; // degrees about the vertical, to the right as its front is seen
   grounded: boolean;
 }
 
-const EYE_HEIGHT = 1.6; // metres, of a camera whose record does not state it
+const EYE_HEIGHT = 1.6; // meters, of a camera whose record does not state it
 const DEFAULT_SHARE = 0.14; // of half the photo's height, the object's radius
-const MAX_DEFAULT_RADIUS = 1; // metres
+const MAX_DEFAULT_RADIUS = 1; // meters
 const MAX_HEIGHT_SHARE = 0.4; // of the camera's height
 const MIN_DEPRESSION = 1; // degrees below the horizon: 92 m away
-const FLOATING_DISTANCE = 4; // metres, of an object without ground
-const MIN_RADIUS = 0.02; // metres, the radius
+const FLOATING_DISTANCE = 4; // meters, of an object without ground
+const MIN_RADIUS = 0.02; // meters, the radius
 const MAX_RADIUS = 20;
 const MIN_DISTANCE = 2; // radii that the camera keeps away from the object's middle, which then takes at most 60 degrees
 
@@ -32,7 +32,7 @@ export function initialPlacement(camera: Camera, aspect: number, spot: Vector | 
   );
 }
 
-/** Metres of a camera above the ground. */
+/** Meters of a camera above the ground. */
 export const cameraHeight = ({ height = EYE_HEIGHT }: Camera): number => height;
 
 /** The point of the ground that a spot of the photo shows; null at and above the horizon. */
@@ -54,7 +54,7 @@ export function movePlacement(placement: Placement, camera: Camera, aspect: numb
   return resizePlacement({ ...placement, position, grounded: onGround !== null }, radius);
 }
 
-/** Moved by metres to the right and away from the camera, kept on ground in front of it. */
+/** Moved by meters to the right and away from the camera, kept on ground in front of it. */
 export function shiftPlacement(placement: Placement, right: number, forward: number): Placement {
   const [x, y, z] = placement.position;
   const position: Vector = [clamp(x + right, -90, 90), y, clamp(z - forward, -90, -0.3)];
@@ -77,7 +77,7 @@ export function rotatePlacement(placement: Placement, by: number): Placement {
   return { ...placement, rotation: ((((placement.rotation + by + 180) % 360) + 360) % 360) - 180 };
 }
 
-/** Metres from the camera, along the ground. */
+/** Meters from the camera, along the ground. */
 export const groundDistance = ({ position: [x, , z] }: Placement): number => Math.hypot(x, z);
 
 /** Where in the photo the object's foot is, in shares of width and height; null behind the camera. */

@@ -19,7 +19,7 @@ export function fromDome([x, y]: Point): Vector | null {
   return direction(degrees(Math.atan2(x, -y)), 90 * Math.max(1 - reach, 0));
 }
 
-/** The map: x from 0 to 2 and y from 0 to 1, azimuth 0 at the centre, the zenith above. */
+/** The map: x from 0 to 2 and y from 0 to 1, azimuth 0 at the center, the zenith above. */
 export function toMap(ray: Vector): Point {
   const { azimuth, elevation } = angles(ray);
   return [azimuth / 180 + 1, 0.5 - elevation / 180];

@@ -1,4 +1,4 @@
-/** The ground that a photo shows: it has no colour of its own and multiplies the photo by the light left to it. */
+/** The ground that a photo shows: it has no color of its own and multiplies the photo by the light left to it. */
 
 import {
   CustomBlending,

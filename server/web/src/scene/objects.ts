@@ -41,14 +41,14 @@ export function createShape(shape: Exclude<Shape, "own">): Mesh {
   return new Mesh(geometry);
 }
 
-/** A material; with `shaded`, it takes the darkening that a geometry carries as vertex colours. */
+/** A material; with `shaded`, it takes the darkening that a geometry carries as vertex colors. */
 export function createFinish(finish: Finish, shaded: boolean): MeshStandardMaterial {
   const material = MATERIALS[finish]();
   material.vertexColors = shaded;
   return material;
 }
 
-/** Vertex colours for the ground's light that an object takes from itself: none where it touches, all of it high up. */
+/** Vertex colors for the ground's light that an object takes from itself: none where it touches, all of it high up. */
 function darkenTowardGround(geometry: BufferGeometry): void {
   const { position, normal } = geometry.attributes;
   if (!position || !normal) return;

@@ -1,4 +1,4 @@
-/** The photo with an object in it, in three.js. Its world is the frame of `geometry/angles`, the camera at the origin, metres. */
+/** The photo with an object in it, in three.js. Its world is the frame of `geometry/angles`, the camera at the origin, meters. */
 
 import {
   CanvasTexture,
@@ -70,7 +70,7 @@ export class Stage {
     this.renderer.shadowMap.type = PCFShadowMap;
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(1024, 1024);
-    this.scene.environmentRotation.y = Math.PI / 2; // three.js has +X at a map's centre, here it is -Z
+    this.scene.environmentRotation.y = Math.PI / 2; // three.js has +X at a map's center, here it is -Z
     this.scene.add(this.ground, this.object, this.sun, this.sun.target);
     this.handleContextLoss(canvas);
   }
@@ -86,7 +86,7 @@ export class Stage {
     });
   }
 
-  /** How high the object stands, metres. */
+  /** How high the object stands, meters. */
   get objectHeight(): number {
     return this.height * this.object.scale.x;
   }

@@ -1,5 +1,5 @@
 /**
- * A sky as a lat-long map in the layout of `lighting/envmap` (row 0 the zenith, the centre column azimuth 0): painted, as
+ * A sky as a lat-long map in the layout of `lighting/envmap` (row 0 the zenith, the center column azimuth 0): painted, as
  * people look at it, and as the service exported it.
  */
 

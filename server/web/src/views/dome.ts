@@ -82,7 +82,7 @@ export class Dome {
     });
   }
 
-  /** The density in colours, by the palette of the style sheet; its scale ends at 1 per steradian or at the peak. */
+  /** The density in colors, by the palette of the style sheet; its scale ends at 1 per steradian or at the peak. */
   paint(): void {
     const context = this.heat.getContext("2d");
     if (!context || this.cells.length === 0) return;
