@@ -49,7 +49,7 @@ _GAIN_RANGE = (0.25, 4.0)
 _SUN_DEG = (4.0, 14.0)  # around the sun: no detail within the first, all of it beyond the second
 _GLOW_DEG = (8.0, 30.0)  # the same of what the map's horizon is smoothed with, so that the glow stays
 _GLARE_DEG = 20.0  # around the sun, where the sky may be bright
-_BRIGHTEST = 1.15  # times the brightest cell of the sky, which no other part exceeds
+_BRIGHTEST = 1.25  # times the brightest cell of the sky, which no other part exceeds
 
 
 class AddedDetail:
@@ -219,12 +219,14 @@ def add_detail(
     if calm is not None:
         gains **= calm  # the glow stays as bright as it was, as its detail has none
     gains *= _hand_over(lit, rim, _HAND_OVER_DEG[0])
-    if detail.limit(_detail_ceiling(before * gains, before, open_share, sun_angle)):
-        fine_cells = fine_before * detail.means(rows)
-        cells = _pool(fine_cells, DETAIL_ROWS)
     for reach in _HAND_OVER_DEG:  # the photo's edges and the light on matte objects both come near what they are to be
         gains *= _hand_over(cells * gains, rim, reach)
         _keep_moments(gains, before, cells, open_share)
+    limit = _sky_limit(before, rim.covered, sun_angle)
+    if detail.limit(_detail_ceiling(before * gains, limit)):  # what the bright sky loses, darker parts of it get
+        fine_cells = fine_before * detail.means(rows)
+        cells = _pool(fine_cells, DETAIL_ROWS)
+        _keep_moments(gains, before, cells, open_share, _limit_gains(gains, cells, limit))
     fine_gains = np.ones_like(fine_cells)
     list(map(latlong.multiply_cells, np.split(fine_gains, 2), np.split(gains, 2)))
     fine_gains *= _hand_over(fine_cells * fine_gains, fine, *_BAND_DEG)
@@ -377,25 +379,47 @@ def _hand_over(lit: Image, photo: _PhotoCells, *reaches: tuple[float, float]) ->
     return np.asarray(np.exp(np.ascontiguousarray(np.moveaxis(log_gains, 0, 2))))
 
 
-def _detail_ceiling(cells: Image, before: Image, open_share: Image, sun_angle: Floats | None) -> Image:
-    """The largest detail (R, 2R, 3) of each cell of the sky, and below it their mirror image.
+def _sky_limit(before: Image, covered: Image, sun_angle: Floats | None) -> Floats:
+    """The luminance (R / 2, 2R) that no part of the sky may exceed: a little more than the brightest had before.
 
-    With it no part of the sky is much brighter than the brightest one, away from the sun's glare, was before.
+    Args:
+        before: (R, 2R, 3) the map without detail.
+        covered: (R, 2R, 1) share of each cell that the photo covers; such cells do not count.
+        sun_angle: (R, 2R) deg from the sun, whose glare does not count; None: there is none.
+    """
+    sky = before[: len(before) // 2] @ LUMINANCE_WEIGHTS
+    away = covered[: len(sky), :, 0] == 0
+    if sun_angle is not None:
+        away &= sun_angle[: len(sky)] > _GLARE_DEG
+    return np.asarray(np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky))
+
+
+def _detail_ceiling(cells: Image, limit: Floats) -> Image:
+    """The largest detail (R, 2R, 3) of each cell of the sky, and below it their mirror image.
 
     Args:
         cells: (R, 2R, 3) what it will be multiplied with.
-        before: (R, 2R, 3) the map without detail.
-        open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
-        sun_angle: (R, 2R) deg from the sun; None: there is none.
+        limit: of `_sky_limit`.
     """
-    half = len(cells) // 2
-    sky, level = before[:half] @ LUMINANCE_WEIGHTS, cells[:half] @ LUMINANCE_WEIGHTS
-    away = open_share[:half, :, 0] > 0
-    if sun_angle is not None:
-        away &= sun_angle[:half] > _GLARE_DEG
-    limit = np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky)
+    level = cells[: len(limit)] @ LUMINANCE_WEIGHTS
     ceiling = np.maximum(limit / np.maximum(level, 1e-9), 1).astype(np.float32)
     return np.concatenate([ceiling, ceiling[::-1]])[..., None].repeat(3, axis=2)
+
+
+def _limit_gains(gains: Image, cells: Image, limit: Floats) -> Image:
+    """Bring cells of the sky under a limit; how far (R, 2R, 1), 0 to 1, each cell of the map may then get brighter.
+
+    Args:
+        gains: (R, 2R, 3) of the cells, changed in place.
+        cells: (R, 2R, 3) the map with detail, before the gains.
+        limit: of `_sky_limit`.
+    """
+    sky = slice(0, len(limit))
+    margin = (limit / np.maximum((cells[sky] * gains[sky]) @ LUMINANCE_WEIGHTS, 1e-9))[..., None].astype(np.float32)
+    gains[sky] *= np.minimum(margin, 1)
+    room = np.ones_like(gains[..., :1])
+    room[sky] = np.clip(margin - 1, 0, 1)
+    return room
 
 
 def _rows_between(cells: NDArray[np.intp], height: int, rows: int) -> slice:
@@ -410,7 +434,7 @@ def _common_rows(band: slice, rows: slice) -> slice | None:
     return slice(first - band.start, last - band.start) if first < last else None
 
 
-def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) -> None:
+def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image, room: Image | float = 1.0) -> None:
     """Change gains (R, 2R, 3) smoothly, so that the light on matte objects stays, and that on level ground exactly.
 
     Args:
@@ -418,14 +442,15 @@ def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) 
         before: (R, 2R, 3) the map without detail.
         cells: (R, 2R, 3) the map with detail, before the gains.
         open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
+        room: (R, 2R, 1) share, 0 to 1, of the change that each cell takes.
     """
     lit, (moments, products) = cells * gains, _moments()
     terms = moments.shape[1]
-    power, missing = ((open_share * part).reshape(-1, 3).T for part in (lit, before - lit))
+    power, missing = ((open_share * part).reshape(-1, 3).T for part in (lit * room, before - lit))
     normal, wanted = (power @ products).reshape(3, terms, terms), missing @ moments
     solutions = [np.linalg.lstsq(*pair, rcond=1e-5)[0] for pair in zip(normal, wanted, strict=True)]
-    change = np.clip(1 + moments @ np.stack(solutions, axis=1), *_GAIN_RANGE)
-    gains *= change.reshape(gains.shape).astype(np.float32)
+    change = (moments @ np.stack(solutions, axis=1)).reshape(gains.shape).astype(np.float32)
+    gains *= np.clip(1 + room * change, *_GAIN_RANGE)
 
 
 @lru_cache(maxsize=1)
