@@ -287,23 +287,17 @@ def _report() -> None:
 @_option("--split", "Rows of `ground.csv`.", click.Choice(["val", "train"]), "val")
 @_option(
     "--folds",
-    "Heads trained for all rows, each without the photographers and places it is judged on.",
+    "All rows instead, by heads that are trained for it without the photographers and places they are judged on.",
     click.IntRange(2),
 )
-@_option("--teacher", "ONNX file for `segments`, with --folds.")
 @_network
-def _ground(data: Path, split: str, folds: int | None, teacher: Path | None, model: Path | None) -> None:
+def _ground(data: Path, split: str, folds: int | None, model: Path | None) -> None:
     """How well photos' ground is found, and the spot where an object may stand."""
     from export.reports.ground import report_ground, report_ground_by_folds
     from lighting.model import Model
 
-    if (folds is None) != (teacher is None):
-        raise click.UsageError("--folds and --teacher go together.")
     network = Model.load(model)
-    if folds is None or teacher is None:
-        click.echo(report_ground(network, data, split))
-    else:
-        click.echo(report_ground_by_folds(network, data, teacher, folds))
+    click.echo(report_ground(network, data, split) if folds is None else report_ground_by_folds(network, data, folds))
 
 
 @_report.command("shadows")

@@ -183,7 +183,7 @@ def _sample_skies(model: Model, data: Path, labels: Path, part: str) -> SkySampl
         if not np.isfinite(true).all():
             continue
         for number, camera in enumerate(_SKY_CAMERAS):
-            rng = crop_rng(source.panorama.name, number, "color of the sky")
+            rng = crop_rng(source.panorama.name, number, "colour of the sky")  # a seed, which figures depend on
             crop = crop_panorama(source, camera(rng), model.spec)
             pixels, gains, _ = augment(crop, rng)
             height, width = pixels.shape[:2]

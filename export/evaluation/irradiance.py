@@ -270,7 +270,7 @@ def _section(crops: Sequence[LitCrop], methods: dict[str, _Guess], kind: str) ->
 
 def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
     """Irradiance, ratio of sun to sky, and ground of each method."""
-    header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "color"]
+    header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
     rows = []
     for name, guess in methods.items():
         up, down = zip(*(_level_irradiances(image) for image in guess.maps), strict=True)

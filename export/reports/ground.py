@@ -41,21 +41,19 @@ def report_ground(model: Model, data: Path, split: str = "val") -> str:
     return describe_answers(pictures, [_answer(picture, _predict(model, picture)) for picture in pictures])
 
 
-def report_ground_by_folds(model: Model, data: Path, teacher: Path, folds: int) -> str:
+def report_ground_by_folds(model: Model, data: Path, folds: int) -> str:
     """The same on all pictures with grids; what each shows is said by a head that knows no other of its group.
 
     Args:
         model: the network that estimates the camera.
-        data: folder with `ground.csv`, photos and panoramas.
-        teacher: ONNX file for `train_segmentation`.
+        data: folder with `ground.csv`, and its pictures.
         folds: 2 or more.
 
     Raises:
-        DataError: a table is missing, or a grid cannot be read.
-        ModelError: the teacher is missing or damaged.
+        DataError: a table is missing, a grid cannot be read, or there are more folds than photographers and places.
     """
     pictures, answers = [], []
-    for picture, canvas in cross_validate_segmentation(data, teacher, folds):
+    for picture, canvas in cross_validate_segmentation(data, folds):
         pictures.append(picture)
         answers.append(_answer(picture, replace(_predict(model, picture), segments=canvas)))
     return describe_answers(pictures, answers)

@@ -117,7 +117,7 @@ class TeacherEnsemble:
 
     def __init__(self, folders: Sequence[Path], spec: ModelSpec, device: torch.device, *, surroundings: bool) -> None:
         self.surroundings, self.networks = surroundings, []
-        for folder in folders:
+        for folder in dict.fromkeys(folders):
             network = read_network(folder).requires_grad_(False)
             if replace(read_spec(folder), version="") != replace(spec, version=""):
                 raise DataError(f"{folder} cannot teach this run: its network has another form.")

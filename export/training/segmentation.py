@@ -9,9 +9,9 @@ References: [1] Xie et al., Self-training with Noisy Student improves ImageNet c
 
 import math
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import chain, islice
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -223,12 +223,10 @@ def _make_variants(frozen: _FrozenNetwork, pictures: Sequence[LabelledPicture], 
     return _compute_variants(frozen, parts, _BLUR)
 
 
-def _make_taught(
-    frozen: _FrozenNetwork, teacher: Path, data: Path, groups: Container[str] | None = None
-) -> list[_Variant]:
-    """One variant of each view without labels of some groups, and what the teacher says of it as it is."""
-    rng, views = np.random.default_rng(3), teach_views(teacher, data, seed=4, groups=groups)
-    return _compute_variants(frozen, (_taught_part(*one, rng) for one in views), 0.0)
+def _make_taught(frozen: _FrozenNetwork, teacher: Path, data: Path) -> list[_Variant]:
+    """One variant of each view without labels, and what the teacher says of it as it is."""
+    rng = np.random.default_rng(3)
+    return _compute_variants(frozen, (_taught_part(*one, rng) for one in teach_views(teacher, data, seed=4)), 0.0)
 
 
 def _taught_part(view: NDArray[np.uint8], segments: Segments, rng: np.random.Generator) -> _Part:
@@ -347,33 +345,27 @@ def train_segmentation(data: Path, teacher: Path, out: Path) -> str:
     return f"{out}: a branch for `onnx --segments`, of {source}"
 
 
-def cross_validate_segmentation(
-    data: Path, teacher: Path, folds: int
-) -> Iterator[tuple[LabelledPicture, NDArray[np.float32]]]:
+def cross_validate_segmentation(data: Path, folds: int) -> Iterator[tuple[LabelledPicture, NDArray[np.float32]]]:
     """All labeled pictures, each with what a head that learned nothing of its photographer or place says of it.
 
+    The heads have no teacher: segments-1.1.0 knew the grids of `train`.
+
     Args:
-        data: folder with `ground.csv`, photos and panoramas.
-        teacher: ONNX file of segments-1.1.0.
+        data: folder with `ground.csv`, and its pictures.
         folds: into which photographers and places fall, 2 or more; one head each learns from the other folds.
 
     Yields:
         a picture, and probabilities (R, C, classes) of its canvas's cells.
 
     Raises:
-        DataError: a table is missing, or a grid cannot be read.
-        ModelError: the teacher is missing or damaged.
+        DataError: a table is missing, a grid cannot be read, or there are more folds than photographers and places.
     """
-    frozen = _FrozenNetwork()
     pictures = [*read_labelled_pictures(data, "train"), *read_labelled_pictures(data, "val")]
     pictures += _read_more_pictures(data)
-    groups = _split_groups(pictures, folds)
-    groups.append(set(_groups(data).values()).difference(*groups))  # without labels: all heads learn of them
-    labelled = [_make_variants(frozen, [p for p in pictures if p.group in some], seed=1) for some in groups]
-    taught = [_make_taught(frozen, teacher, data, some) for some in groups]
-    for fold, judged in enumerate(groups[:-1]):
-        variants, views = (list(chain(*parts[:fold], *parts[fold + 1 :])) for parts in (labelled, taught))
-        head = _train_head(variants, views)
+    frozen, groups = _FrozenNetwork(), _split_groups(pictures, folds)
+    parts = [_make_variants(frozen, [p for p in pictures if p.group in some], seed=1) for some in groups]
+    for judged, own in zip(groups, parts, strict=True):
+        head = _train_head([variant for part in parts if part is not own for variant in part], [])
         for picture in pictures:
             if picture.group in judged:
                 yield picture, _predict_canvas(frozen, head, picture)
@@ -381,9 +373,12 @@ def cross_validate_segmentation(
 
 def _split_groups(pictures: Sequence[LabelledPicture], folds: int) -> list[set[str]]:
     """The groups of each fold: the largest first, each into the fold with the fewest pictures."""
+    sizes = Counter(picture.group for picture in pictures)
+    if len(sizes) < folds:
+        raise DataError(f"{len(sizes)} photographers and places cannot fall into {folds} folds.")
     groups: list[set[str]] = [set() for _ in range(folds)]
     filled = [0] * folds
-    for group, count in Counter(picture.group for picture in pictures).most_common():
+    for group, count in sizes.most_common():
         fold = filled.index(min(filled))
         groups[fold].add(group)
         filled[fold] += count
@@ -434,37 +429,32 @@ class _Teacher:
         return segments
 
 
-def teach_views(
-    file: Path, folder: Path, seed: int, groups: Container[str] | None = None
-) -> Iterator[tuple[NDArray[np.uint8], Segments]]:
+def teach_views(file: Path, folder: Path, seed: int) -> Iterator[tuple[NDArray[np.uint8], Segments]]:
     """Views (h, w, 3) sRGB of pictures without labels, and what the teacher says that they show.
 
     Args:
         file: the teacher's ONNX file.
         folder: of the data.
         seed: of what the views show.
-        groups: photographers and places of whose pictures views are wanted; None: all.
 
     Raises:
         DataError: a table is missing, or a picture cannot be read.
         ModelError: the teacher is missing or damaged.
     """
     teacher = _Teacher(file)
-    for view in _read_views(folder, seed, groups):
+    for view in _read_views(folder, seed):
         yield view, teacher(view)
 
 
-def _read_views(folder: Path, seed: int, wanted: Container[str] | None) -> Iterator[NDArray[np.uint8]]:
-    """Views (h, w, 3) sRGB of the photos and of the 8-bit panoramas of `train`, where they are of some groups."""
-    rng, groups = np.random.default_rng(seed), _groups(folder)
+def _read_views(folder: Path, seed: int) -> Iterator[NDArray[np.uint8]]:
+    """Views (h, w, 3) sRGB of the photos and of the 8-bit panoramas of `train`."""
+    rng = np.random.default_rng(seed)
     for row in read_table(folder / PHOTOS, ("file",)):
-        if wanted is not None and groups[row["file"]] not in wanted:
-            continue
         photo = Image.fromarray(read_photo(folder / row["file"]).pixels)
         for number in range(_VIEWS):
             yield _view_photo(photo, rng.uniform(_MIN_PART, 1.0, 2) if number else np.ones(2), rng)
     for panorama in read_index(folder, "train"):
-        if panorama.kind == "ldr" and (wanted is None or panorama.place in wanted):
+        if panorama.kind == "ldr":
             picture = read_picture(panorama).astype(np.float32)
             for _ in range(_VIEWS):
                 directions = camera_directions(_draw_camera(rng)).astype(np.float32)

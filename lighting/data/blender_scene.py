@@ -154,7 +154,7 @@ def aim_sun(sun: bpy.types.Object, numbers: Json) -> None:
 
     Args:
         sun: the lamp's object.
-        numbers: "direction" (3,), "color" (3,) and "irradiance", +Z up.
+        numbers: "direction" (3,), "colour" (3,) and "irradiance", +Z up.
     """
     sun.data.color, sun.data.energy = numbers["colour"], numbers["irradiance"]
     sun.rotation_euler = Vector(numbers["direction"]).to_track_quat("Z", "Y").to_euler()
