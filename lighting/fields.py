@@ -251,13 +251,15 @@ class _RecordDoc:
     """A class's `__doc__` that lists the fields; the source is read when somebody asks for it."""
 
     def __init__(self, summary: str) -> None:
-        self._summary = summary
+        self._summary, self._text = summary, ""
 
     def __get__(self, _instance: object, owner: type) -> str:
         from inspect import cleandoc
 
-        lines = [f"    {name}: {text}" for name, text in field_docstrings(owner).items()]
-        return "\n".join([cleandoc(self._summary), *(["", "Fields:", *lines] if lines else [])])
+        if not self._text:
+            lines = [f"    {name}: {text}" for name, text in field_docstrings(owner).items()]
+            self._text = "\n".join([cleandoc(self._summary), *(["", "Fields:", *lines] if lines else [])])
+        return self._text
 
 
 def describe_fields(*records: type) -> None:

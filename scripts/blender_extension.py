@@ -20,8 +20,9 @@ SOURCE = ROOT / "blender" / "light_from_photo"
 SCRIPT = "lighting/data/blender_scene.py"
 TABLES = tuple(f"lighting/data/{name}" for name in ("hosek_wilkie.f32", "prague.f16", "CHECKSUMS"))  # of the skies
 _IMPORT = re.compile(r"^(\s*)from lighting\.([\w.]+) import ", re.MULTILINE)
+_MODULE = re.compile(r"^(\s*)import lighting\.(?:([\w.]+)\.)?(\w+) as ", re.MULTILINE)
 _TYPES_ONLY = re.compile(r"^if TYPE_CHECKING:\n(?:(?: .*)?\n)+", re.MULTILINE)
-_USED = re.compile(r"^\s*from \.?lighting\.([\w.]+) import ", re.MULTILINE)
+_USED = re.compile(r"^\s*(?:from \.?|import )lighting\.([\w.]+) (?:import|as) ", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # so that the same files make the same zip
 
 
@@ -88,7 +89,8 @@ def _files(module: str) -> list[str]:
 
 def relative(text: str, depth: int) -> str:
     """A module's text with its imports of `lighting` relative; it lies `depth` folders below the extension."""
-    return _IMPORT.sub(rf"\1from {'.' * depth}\2 import ", text)
+    dots = "." * depth
+    return _MODULE.sub(rf"\1from {dots}\2 import \3 as ", _IMPORT.sub(rf"\1from {dots}\2 import ", text))
 
 
 if __name__ == "__main__":

@@ -146,7 +146,12 @@ def _run(
     from lighting.batch.job import BatchJob, MapOutput
     from lighting.batch.photo_search import check_photo_names, count_skipped, find_photos, read_photo_table
     from lighting.batch.ray import find_photos_at, run_ray
+    from lighting.batch.results import TABLE, require_parquet
 
+    began = monotonic()
+    parquet = engine == "pool" and (parquet or (Path(folder, TABLE).is_file() and not running["overwrite"]))
+    if parquet:
+        require_parquet(Path(folder))
     source, names = (find_photos_at if engine == "ray" else find_photos)(pattern)
     known = None if table is None else read_photo_table(table)
     if known is not None:
@@ -155,29 +160,32 @@ def _run(
     if engine == "ray":
         summary = run_ray(job, names, address=address, **running)
     else:
-        summary = _run_pool(job, names, parquet, **running)
+        summary = _run_pool(job, names, began, parquet=parquet, **running)
     return replace(summary, skipped=count_skipped(pattern))
 
 
 def _run_pool(
-    job: "BatchJob", names: Sequence[str], parquet: bool, *, workers: int | None, overwrite: bool, progress: bool
+    job: "BatchJob",
+    names: Sequence[str],
+    began: float,
+    *,
+    parquet: bool,
+    workers: int | None,
+    overwrite: bool,
+    progress: bool,
 ) -> "Summary":
     from tqdm import tqdm
 
     from lighting.batch.job import Summary
     from lighting.batch.pool import open_batch, run_pool
-    from lighting.batch.results import TABLE, require_parquet, write_parquet
+    from lighting.batch.results import write_parquet
     from lighting.runtime import available_cpus
 
-    began, out = monotonic(), Path(job.out)
-    parquet = parquet or ((out / TABLE).is_file() and not overwrite)
-    if parquet:
-        require_parquet(out)
     with open_batch(job, overwrite=overwrite) as journal:
         earlier, initial = len(journal.names), len(journal.names.intersection(names))
         finished = run_pool(job, names, journal, workers or available_cpus())
         for _name in tqdm(finished, initial=initial, total=len(names), unit="photo", disable=not progress):
             pass
         if parquet:
-            write_parquet(out)
+            write_parquet(Path(job.out))
     return Summary(len(journal.names) - journal.failed, journal.failed, earlier, monotonic() - began)

@@ -92,13 +92,17 @@ def _build(files: Files) -> bytes:
         sentence = f"{BLEND_FILE} needs Blender, from blender.org, or its module: pip install bpy."
         raise SceneError(sentence, "blend", ErrorCode.MISSING)
     command = [*blender, _SCRIPT, "--", "--save"]
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        for file, data in files.items():
-            (folder / file).write_bytes(data)
-        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if result.returncode == 0 and (folder / BLEND_FILE).is_file():
-            return (folder / BLEND_FILE).read_bytes()
+    try:
+        with TemporaryDirectory() as name:
+            folder = Path(name)
+            for file, data in files.items():
+                (folder / file).write_bytes(data)
+            result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+            if result.returncode == 0 and (folder / BLEND_FILE).is_file():
+                return (folder / BLEND_FILE).read_bytes()
+    except OSError as error:
+        cause = error.strerror or error
+        raise SceneError(f"Blender cannot be run in the folder of temporary files: {cause}.") from error
     lines = result.stderr.strip().splitlines() or ["no reason given"]
     raise SceneError(f"Blender could not build {BLEND_FILE}: {lines[-1]}", code=ErrorCode.FAILED)
 

@@ -301,7 +301,8 @@ class Clip:
             only: indices of the frames that are wanted; None is all.
         """
         start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
-        shift, interval = 0.0, 1.0 / (self.info.frame_rate or 30.0)  # s by which times that begin again are shifted
+        interval = 1.0 / (self.info.frame_rate or 30.0)
+        shift = 0.0  # s by which times that begin again are shifted
         for index, picture in enumerate(self._pictures):
             time = max(0.0, last + interval)
             if picture.time is not None:
@@ -526,6 +527,8 @@ def _video_stream(container: Any) -> Any:
     moving = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]  # not a song's cover
     if not moving:
         raise VideoError("The file has no moving picture, only sound or other data.")
+    if moving[0].codec_context is None:
+        raise VideoError("The file's moving picture has no codec that can be read, or it is damaged.")
     moving[0].codec_context.options = _DECODER_OPTIONS
     if moving[0].width:  # announced; a decoder counts for itself
         _check_pixel_count(moving[0].width, moving[0].height)

@@ -414,6 +414,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
         OSError: a file cannot be read or written.
     """
     result, lights, skies = VideoResult(), dict[int, FrameLight](), dict[int, _ShotSky]()
+    scene_error: SceneError | OSError | None = None  # is raised when the records are whole
     name, options, view = escape_undecodable(str(job.source)), job.options, job.options.view
     with Clip(job.source, curve=job.curve) as clip:
         ClipMetadata.of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
@@ -438,13 +439,19 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
                 shot_map.render_world().write(job.folder / f"shot-{number}.exr")
                 if options.frames_exr:
                     _write_frame_maps(job, shot_map, of_shot)
-                if options.tool is not None and (plate := read_plate(int(shot.frames[0]))) is not None:
-                    with trace_step("encode"):
-                        result.scene_warnings[number] = _write_scene(job, number, shot_map, plate, clip)
+                wants_scene = options.tool is not None and scene_error is None
+                if wants_scene and (plate := read_plate(int(shot.frames[0]))) is not None:
+                    try:
+                        with trace_step("encode"):
+                            result.scene_warnings[number] = _write_scene(job, number, shot_map, plate, clip)
+                    except (SceneError, OSError) as error:
+                        scene_error = error
                 if options.film and shot_map.context is not None:
                     skies[number] = _ShotSky(shot_map.render_sky(FILM_MAP_HEIGHT), shot_map.heading)
         result.damage = clip.damage
     (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
+    if scene_error is not None:
+        raise scene_error
     if options.film:
         with Clip(job.source, FILM_SIDE, form=lettered) as clip, atomic_write(job.folder / FILM_FILE) as film:
             _encode(_film_frames(clip, lights, skies), clip.info.frame_rate, film)

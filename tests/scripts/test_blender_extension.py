@@ -110,6 +110,8 @@ def test_a_release_names_it_as_blender_does() -> None:
 def test_imports_become_relative() -> None:
     assert relative("from lighting.geometry import x\n", 1) == "from .geometry import x\n"
     assert relative("    from lighting.sky.perez import x\n", 2) == "    from ..sky.perez import x\n"
+    assert relative("import lighting.geometry as g\n", 2) == "from .. import geometry as g\n"
+    assert relative("import lighting.sky.perez as p\n", 2) == "from ..sky import perez as p\n"
 
 
 def test_its_sky_and_sun_are_those_of_the_library(unpacked: str) -> None:

@@ -233,6 +233,18 @@ def test_a_cut_is_told(network: Path, tmp_path: Path) -> None:
     assert (tmp_path / "out" / "shot-2.exr").is_file()
 
 
+def test_a_scene_that_cannot_be_written_loses_no_record(clip: Path, network: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "o"
+    folder.mkdir()
+    (folder / "shot-1-usd").write_text("mine")
+    result = run(clip, "-o", folder, "--model", network, "--for", "usd", "--overwrite")
+    assert result.exit_code == 1
+    assert "shot-1-usd" in result.stderr
+    assert (folder / "shot-1-usd").read_text() == "mine"
+    assert (folder / "shot-1.exr").is_file()
+    assert records(folder)
+
+
 def test_overwriting_removes_the_maps_of_the_clip_before_and_nothing_of_the_users(
     network: Path, tmp_path: Path
 ) -> None:
