@@ -120,7 +120,8 @@ def problem(answer: Any, status: int, name: str) -> dict[str, Any]:
     assert answer.status_code == status, answer.content[:300]
     assert answer.headers["content-type"] == "application/problem+json"
     body: dict[str, Any] = answer.json()
-    Problem.model_validate_json(json.dumps(body), strict=True)
+    text = re.sub(r"\\ud[89ab]..", "?", json.dumps(body))  # pydantic reads no half of a pair of surrogates
+    Problem.model_validate_json(text, strict=True)
     assert body["status"] == status
     assert body["type"] == f"tag:outdoor-lighting,2026:{name}"
     assert body["request_id"] == answer.headers["x-request-id"]
