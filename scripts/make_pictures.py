@@ -2,8 +2,8 @@
 
 They go to docs/images/. `page` and `scenes` need node, Chromium, and `npm ci` in `server/web` and `tests/node`.
 `blender`, `monkey` and a part of `scenes` need a Python with the module bpy, which BLENDER_PYTHON names. The command
-names what this machine lacks, and leaves it out. Three pictures need the training data and come from `python -m
-export`: `reliability.png` from `evaluate --card`, and two of docs/lab.
+names what this machine lacks, and leaves it out. `reliability.png` needs the training data: `python -m export evaluate
+--card` draws it.
 """
 
 import os

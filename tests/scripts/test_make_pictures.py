@@ -12,7 +12,6 @@ from scripts.make_pictures import IMAGES, PICTURES, write_picture
 from scripts.make_world_map import copies, path_of, rings, unwrap
 
 OTHERS = {  # pictures that another command makes, or a hand
-    "attention.jpg": "training data",
     "reliability.png": "python -m export evaluate --card",
     "how-it-works.svg": "a hand",
     "draw-a-shadow.webp": "a hand, in the page",
