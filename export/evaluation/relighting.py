@@ -59,7 +59,7 @@ def _matrix(kind: str) -> NDArray[np.float32]:
         lit = PLANE_ALBEDO / np.pi * np.maximum(rays[:, 1], 0) * solid_angle
         reach = (ray_sphere(point, rays, np.zeros(3)) for point in _plane_points())  # in turn, for memory's sake
         return np.asarray(lit * [np.isinf(distance) for distance in reach], dtype=np.float32)
-    normals = _normals()
+    normals = ball_normals(_ACROSS, 1.0)
     if kind == "diffuse":
         return np.asarray(np.maximum(normals @ rays.T, 0) * solid_angle / np.pi, dtype=np.float32)
     view = np.array([0.0, 0.0, -1.0])
@@ -69,13 +69,27 @@ def _matrix(kind: str) -> NDArray[np.float32]:
     return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float32)
 
 
-def _normals() -> Floats:
-    """Normals (P, 3) of the pixels of a ball that a camera looking along -Z sees."""
-    steps = (np.arange(_ACROSS) + 0.5) / _ACROSS * 2 - 1
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, -steps))
-    inside = x**2 + y**2 < 1
-    x, y = x[inside], y[inside]
-    return np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=-1)
+def picture_plane(pixels: int) -> tuple[Floats, Floats]:
+    """Where (S, S) the pixels of a square picture lie: x to the right and y up, -1 to 1.
+
+    Args:
+        pixels: S.
+    """
+    steps = (np.arange(pixels) + 0.5) / pixels * 2 - 1
+    x, y = np.meshgrid(steps, -steps)
+    return x, y
+
+
+def ball_normals(pixels: int, rim: float | None = None) -> Floats:
+    """Normals of the pixels of a ball that a distant camera looking along -Z sees: (P, 3), or of all pixels (S, S, 3).
+
+    Args:
+        pixels: S, along the side of the picture, which the ball fills.
+        rim: squared radius, up to 1, within which pixels count; None for all, beside the ball too.
+    """
+    x, y = picture_plane(pixels)
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)
+    return normals if rim is None else normals[x**2 + y**2 < rim]
 
 
 def rgb_angle(a: Floats, b: Floats) -> Floats:

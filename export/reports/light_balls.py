@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
-from export.evaluation.relighting import HEIGHT, pool_map, rgb_angle
+from export.evaluation.relighting import HEIGHT, picture_plane, pool_map, rgb_angle
 from export.reports.map_detail import crop_view, exposure_gain
 from lighting.color import tone_map
 from lighting.envmap.latlong import shrink_envmap
@@ -134,8 +134,7 @@ def _ball_points() -> tuple[Floats, Floats]:
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)
     upward = np.cross(right, forward)
-    steps = (np.arange(_SIDE) + 0.5) / _SIDE * 2 - 1
-    x, y = np.meshgrid(steps, -steps)
+    x, y = picture_plane(_SIDE)
     reach = 1 / math.sqrt(distance**2 - 1)  # slope of the rays that touch the ball
     rays = forward + reach * (x[..., None] * right + y[..., None] * upward)[x**2 + y**2 < 0.98]
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)

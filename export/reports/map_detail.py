@@ -15,7 +15,7 @@ import io
 import json
 import random
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from export.crops.crops import resize
 from export.data.detail_library import balance_library, read_detail_library, write_detail_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
-from export.evaluation.relighting import rgb_angle
+from export.evaluation.relighting import ball_normals, picture_plane, rgb_angle
 from lighting.color import luminance, srgb_encode, tone_map
 from lighting.envmap.detail_library import LIBRARY_PATH, choice_costs
 from lighting.envmap.latlong import shrink_envmap
@@ -79,32 +80,26 @@ _SUN_REACH = 20.0  # deg around the sun where the sky may be bright
 _SPLITS = 40  # of the places into halves
 
 
-@dataclass(frozen=True)
-class _MapErrors:
-    """What is wrong with one map, beside the truth or the map without detail."""
-
-    mirror: float  # RMSE of a mirror ball over its root mean square
-    mirror_angle: float  # deg, mean between RGB vectors
-    roughness_2: float  # RMSE of a ball of roughness 0.2
-    roughness_4: float
-    diffuse: float  # scale-invariant RMSE of a diffuse ball
-    repetition: float  # mean best correlation of a window elsewhere
-    power: tuple[float, ...]  # dB, by BANDS and FREQUENCIES
-
-
-def _map_errors(image: Images, truth: Images) -> _MapErrors:
-    """The errors of a map; both are clipped to what a screen shows.
+def _map_errors(image: Images, truth: Images) -> dict[str, float]:
+    """The errors of a map by column of DETAIL_NOTE; both are clipped to what a screen shows.
 
     Args:
         image: (H, 2H, 3) linear.
         truth: as `image`.
     """
     shown, true = np.clip(image, 0, 1), np.clip(truth, 0, 1)
-    mirror, angle = _mirror_error(shown, true)
+    rays = _mirror_directions(ball_normals(VIEW_PIXELS // 2, _BALL_RIM))
+    ball, ball_true = sample_latlong(shown, rays), sample_latlong(true, rays)
     lit, lit_true = (_pool(one) for one in (shown, true))
-    rough = tuple(_relative_rms(matrix @ lit, matrix @ lit_true) for matrix in map(_lobe_matrix, _LOBE_WIDTHS))
-    diffuse = _scale_invariant_rms(_diffuse_matrix() @ lit, _diffuse_matrix() @ lit_true)
-    return _MapErrors(mirror, angle, rough[0], rough[1], diffuse, _repetition(shown), _band_power(shown))
+    rough = [_relative_rms(matrix @ lit, matrix @ lit_true) for matrix in map(_lobe_matrix, _LOBE_WIDTHS)]
+    return {
+        "mirror": _relative_rms(ball, ball_true),
+        "angle": float(rgb_angle(ball, ball_true).mean()),
+        "roughness .2": rough[0],
+        "roughness .4": rough[1],
+        "diffuse": _scale_invariant_rms(_diffuse_matrix() @ lit, _diffuse_matrix() @ lit_true),
+        "repetition": _repetition(shown),
+    }
 
 
 def _diffuse_change(image: Images, before: Images) -> float:
@@ -173,7 +168,7 @@ def _standardize(windows: Floats) -> Floats:
     return np.asarray(np.where(length > 1e-3, centered / np.maximum(length, 1e-9), 0.0))
 
 
-def _band_power(image: Images) -> tuple[float, ...]:
+def _band_power(image: Images) -> list[float]:
     """Power [dB] along the rows of the logarithm of luminance, by BANDS and FREQUENCIES, without the photo's columns.
 
     Args:
@@ -195,7 +190,7 @@ def _band_power(image: Images) -> tuple[float, ...]:
         for center in FREQUENCIES:
             inside = (frequency > center / _OCTAVE) & (frequency < center * _OCTAVE)
             levels.append(float(10 * np.log10(power[inside].mean() + 1e-12)) if inside.any() else float("nan"))
-    return tuple(levels)
+    return levels
 
 
 def looked_at(image: Images) -> list[Images]:
@@ -205,10 +200,11 @@ def looked_at(image: Images) -> list[Images]:
         image: (H, 2H, 3) linear.
     """
     shown = np.clip(image, 0, 1)
-    ball = sample_latlong(shown, _ball_rays(VIEW_PIXELS * _SUPERSAMPLING, whole=True)[1])
+    ball = sample_latlong(shown, _mirror_directions(ball_normals(VIEW_PIXELS * _SUPERSAMPLING)))
     ball = ball.reshape(VIEW_PIXELS, _SUPERSAMPLING, VIEW_PIXELS, _SUPERSAMPLING, 3).mean(axis=(1, 3))
+    x, y = picture_plane(VIEW_PIXELS)
     cameras = [Pinhole(VIEW_PIXELS, VIEW_PIXELS, VIEW_FOV, azimuth) for azimuth in VIEW_AZIMUTHS]
-    views = [ball * _on_ball(VIEW_PIXELS)[..., None]]
+    views = [ball * (x**2 + y**2 < _BALL_RIM)[..., None]]
     views += [sample_latlong(shown, camera_directions(camera)) for camera in cameras]
     return [np.asarray(srgb_encode(np.maximum(view, 0)), dtype=np.float32) for view in views]
 
@@ -249,13 +245,6 @@ def distances_by_places(features: Floats, true: Floats, places: NDArray[np.str_]
     return np.array(distances)
 
 
-def _mirror_error(shown: Images, true: Images) -> tuple[float, float]:
-    """Relative RMSE and the mean angle [deg] between RGB vectors on a mirror ball."""
-    rays = _ball_rays(VIEW_PIXELS // 2)[1]
-    ball, ball_true = sample_latlong(shown, rays), sample_latlong(true, rays)
-    return _relative_rms(ball, ball_true), float(rgb_angle(ball, ball_true).mean())
-
-
 def _relative_rms(values: Floats, true: Floats) -> float:
     return float(np.sqrt(np.mean((values - true) ** 2) / np.mean(true**2)))
 
@@ -274,13 +263,14 @@ def _pool(image: Images) -> Images:
 def _lobe_matrix(width: float) -> Images:
     """Shares (B, P) of the pixels of a map in the light of a glossy ball's points."""
     concentration = np.radians(width) ** -2
-    return _light_matrix(_ball_rays(_LIT_PIXELS)[1], lambda cosine: np.exp(concentration * (cosine - 1)))
+    mirrored = _mirror_directions(ball_normals(_LIT_PIXELS, _BALL_RIM))
+    return _light_matrix(mirrored, lambda cosine: np.exp(concentration * (cosine - 1)))
 
 
 @lru_cache(maxsize=1)
 def _diffuse_matrix() -> Images:
     """The same of a diffuse ball's points."""
-    return _light_matrix(_ball_rays(_LIT_PIXELS)[0], lambda cosine: np.maximum(cosine, 0))
+    return _light_matrix(ball_normals(_LIT_PIXELS, _BALL_RIM), lambda cosine: np.maximum(cosine, 0))
 
 
 def _light_matrix(directions: Floats, lobe: Callable[[Floats], Floats]) -> Images:
@@ -289,24 +279,9 @@ def _light_matrix(directions: Floats, lobe: Callable[[Floats], Floats]) -> Image
     return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float32)
 
 
-def _ball_positions(pixels: int) -> tuple[Floats, Floats]:
-    steps = (np.arange(pixels) + 0.5) / pixels * 2 - 1
-    x, y = np.meshgrid(steps, -steps)
-    return x, y
-
-
-def _on_ball(pixels: int) -> NDArray[np.bool_]:
-    """Where (S, S) a picture shows the ball."""
-    x, y = _ball_positions(pixels)
-    return np.asarray(x**2 + y**2 < _BALL_RIM)
-
-
-def _ball_rays(pixels: int, whole: bool = False) -> tuple[Floats, Floats]:
-    """Normals and mirror directions (B, 3) of a ball that a distant camera sees; `whole`: of its square picture."""
-    x, y = _ball_positions(pixels)
-    kept = np.ones(x.shape, bool) if whole else _on_ball(pixels)
-    normal = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)[kept]
-    return normal, 2 * normal[:, 2:] * normal - np.array([0.0, 0.0, 1.0])
+def _mirror_directions(normals: Floats) -> Floats:
+    """Where (..., 3) a distant camera looks by a mirror with normals (..., 3)."""
+    return np.asarray(2 * normals[..., 2:] * normals - np.array([0.0, 0.0, 1.0]))
 
 
 # The report.
@@ -331,7 +306,6 @@ Features = Callable[[list[NDArray[np.float32]]], Floats]
 class _TrueView:
     """A crop of a panorama, what is estimated of it, and the panorama as its map should be."""
 
-    place: str
     lighting: Lighting
     context: PhotoContext
     truth: NDArray[np.float32]  # (MAP_ROWS, 2 MAP_ROWS, 3) linear, 0 to 1
@@ -339,14 +313,11 @@ class _TrueView:
 
 @dataclass(frozen=True, eq=False)
 class _Looks:
-    """Figures of one way to make maps of N views."""
+    """How the maps of N views look that are made in one way."""
 
     features: Floats  # (N, V, F)
-    errors: list[_MapErrors]
-    changes: list[float]  # of a diffuse ball
-    suns: list[float]
-    seconds: list[float]
-    bytes: list[int]
+    figures: dict[str, Floats]  # by column (N,)
+    power: Floats  # (N, B) dB, by BANDS and FREQUENCIES
 
 
 def report_map_detail(data: Path, model: Model, count: int, split: str, cache: Path) -> str:
@@ -361,11 +332,18 @@ def report_map_detail(data: Path, model: Model, count: int, split: str, cache: P
     """
     panoramas, files = prepare_views(data, model, count, split, cache)
     features = _imagenet_features()
-    looks = {"true panorama": _measure_truth(files, panoramas, features)}
+    looks = {"true panorama": _collect(_measure_truth(file, features) for file in files)}
     for name, render in METHODS.items():
-        looks[name] = _measure_maps(read_views(files, panoramas), render, features)
-    places = np.array([panorama.place for panorama in panoramas])
-    return _format_looks(looks, places)
+        looks[name] = _collect(_measure_map(file, render, features) for file in files)
+    places, true = np.array([panorama.place for panorama in panoramas]), looks["true panorama"]
+    parts = [
+        f"## Detail around maps of {len(places)} crops of {len(np.unique(places))} places",
+        DETAIL_NOTE,
+        figures_table({name: _figures(one, true, places) for name, one in looks.items()}, digits=3),
+        "Power at so many cycles per degree over that of true panoramas [dB], outside the photo's azimuths:",
+        figures_table({name: _power_figures(one, true) for name, one in looks.items()}, digits=1),
+    ]
+    return "\n\n".join(parts)
 
 
 def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
@@ -377,8 +355,8 @@ def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
         count: crops, each of another panorama.
         cache: folder for estimates and truths.
     """
-    panoramas, files = prepare_views(data, model, count, "train", cache)
-    found = [describe_place(view.lighting, view.context) for view in read_views(files, panoramas)]
+    _, files = prepare_views(data, model, count, "train", cache)
+    found = [describe_place(view.lighting, view.context) for view in map(read_view, files)]
     costs = [choice_costs(one).min(axis=(0, 2)) for one in found]
     table, weights, pictures = read_detail_library(LIBRARY_PATH)
     table["cost"] = balance_library(np.stack(costs))
@@ -479,19 +457,12 @@ def _write_view(panorama: Panorama, estimator: Estimator, file: Path) -> None:
     photo = photo_from_array(tone_map(crop * gain))
     estimate = estimator(photo, UserInput(vertical_fov=CROP_FOV))
     truth = np.clip(shrink_envmap(rotate_envmap(linear, -yaw) * np.float32(gain), MAP_ROWS), 0, 1)
-    if len(truth) < MAP_ROWS:
-        planes = [Image.fromarray(np.ascontiguousarray(truth[..., c])) for c in range(3)]
-        size = (2 * MAP_ROWS, MAP_ROWS)
-        truth = np.stack([np.asarray(plane.resize(size, Image.Resampling.BILINEAR)) for plane in planes], axis=-1)
+    truth = resize(truth, 2 * MAP_ROWS, MAP_ROWS, Image.Resampling.BILINEAR)
+    answers = {"coarse": estimate.surroundings, "segments": estimate.segments}
+    stated = {name: values for name, values in answers.items() if values is not None}
+    record = json.dumps(estimate.lighting.to_dict())
     file.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(
-        file,
-        photo=photo.pixels,
-        coarse=estimate.surroundings if estimate.surroundings is not None else np.zeros(0, np.float32),
-        truth=truth.astype(np.float16),
-        segments=estimate.segments if estimate.segments is not None else np.zeros(0, np.float32),
-        lighting=json.dumps(estimate.lighting.to_dict()),
-    )
+    np.savez_compressed(file, photo=photo.pixels, truth=truth.astype(np.float16), lighting=record, **stated)
 
 
 def crop_view(linear: NDArray[np.float32], yaw: float, pitch: float) -> NDArray[np.float32]:
@@ -517,69 +488,58 @@ def exposure_gain(crop: NDArray[np.float32]) -> float:
     return min(0.9 / max(float(np.quantile(bright, 0.95)), 1e-6), 0.25 / max(float(bright.mean()), 1e-6))
 
 
-def read_views(files: Sequence[Path], panoramas: Sequence[Panorama]) -> Iterator[_TrueView]:
-    """The crops that `prepare_views` wrote.
+def read_view(file: Path) -> _TrueView:
+    """A crop that `prepare_views` wrote.
 
     Args:
-        files: of them.
-        panoramas: of them.
+        file: of it.
     """
-    for file, panorama in zip(files, panoramas, strict=True):
-        with np.load(file) as stored:
-            lighting = Lighting.from_dict(json.loads(str(stored["lighting"])))
-            coarse = stored["coarse"] if stored["coarse"].size else None
-            photo = stored["photo"]
-            segments = stored["segments"] if stored["segments"].size else None
-            context = PhotoContext(photo, coarse, lighting.exposure, lighting, segments)
-            yield _TrueView(panorama.place, lighting, context, stored["truth"].astype(np.float32))
+    with np.load(file) as stored:
+        lighting = Lighting.from_dict(json.loads(str(stored["lighting"])))
+        coarse, segments = (stored.get(name) for name in ("coarse", "segments"))
+        context = PhotoContext(stored["photo"], coarse, lighting.exposure, lighting, segments)
+        return _TrueView(lighting, context, stored["truth"].astype(np.float32))
 
 
-def _measure_truth(files: Sequence[Path], panoramas: Sequence[Panorama], features: Features) -> _Looks:
-    """The panoramas themselves; their features are kept beside them."""
-    looks, errors = [], []
-    for file, view in zip(files, read_views(files, panoramas), strict=True):
-        kept = file.with_suffix(".features.npy")
-        if not kept.exists():
-            np.save(kept, features(looked_at(view.truth)))
-        looks.append(np.load(kept))
-        errors.append(_map_errors(view.truth, view.truth))
-    zeros = [0.0] * len(files)
-    return _Looks(np.stack(looks), errors, zeros, [1.0] * len(files), zeros, [0] * len(files))
+# Of one view: its features (V, F), its figures by column, and its power.
+_Measured = tuple[Floats, dict[str, float], list[float]]
 
 
-def _measure_maps(views: Iterator[_TrueView], render: Render, features: Features) -> _Looks:
-    looks = _Looks(np.zeros(0), [], [], [], [], [])
-    found = []
-    for view in views:
-        started = time.process_time()
-        image = render(view.lighting, view.context)
-        looks.seconds.append(time.process_time() - started)
-        plain = _render_plain(view.lighting, view.context)
-        photo = project_photo(view.lighting, view.context.photo, MAP_ROWS)
-        hidden = np.zeros(image.shape[:2], np.bool_)
-        hidden[photo.rows, photo.columns] = photo.whole.weight > 0
-        sun = view.lighting.sun_direction if view.lighting.sun_painted else None
-        looks.suns.append(_second_sun(image, plain, sun, hidden))
-        looks.changes.append(_diffuse_change(image, plain))
-        looks.errors.append(_map_errors(image, view.truth))
-        found.append(features(looked_at(image)))
-        write_exr(stream := io.BytesIO(), image, view.lighting)
-        looks.bytes.append(len(stream.getvalue()))
-    return _Looks(np.stack(found), looks.errors, looks.changes, looks.suns, looks.seconds, looks.bytes)
+def _collect(measured: Iterable[_Measured]) -> _Looks:
+    features, figures, power = zip(*measured, strict=True)
+    columns = {name: np.array([one[name] for one in figures]) for name in figures[0]}
+    return _Looks(np.stack(features), columns, np.array(power))
 
 
-def _format_looks(looks: dict[str, _Looks], places: NDArray[np.str_]) -> str:
-    true = next(iter(looks.values()))
-    rows = {name: _figures(one, true, places) for name, one in looks.items()}
-    power = {name: _power_figures(one, true) for name, one in looks.items()}
-    parts = [
-        f"## Detail around maps of {len(places)} crops of {len(set(places.tolist()))} places",
-        DETAIL_NOTE,
-        figures_table(rows, digits=3),
-        "Power at so many cycles per degree over that of true panoramas [dB], outside the photo's azimuths:",
-        figures_table(power, digits=1),
-    ]
-    return "\n\n".join(parts)
+def _measure_truth(file: Path, features: Features) -> _Measured:
+    """A panorama itself; its features are kept beside it."""
+    truth = read_view(file).truth
+    kept = file.with_suffix(".features.npy")
+    if not kept.exists():
+        np.save(kept, features(looked_at(truth)))
+    perfect = {"ball changed": 0.0, "second sun": 1.0, "CPU": 0.0, "EXR": 0.0}
+    return np.load(kept), _map_errors(truth, truth) | perfect, _band_power(np.clip(truth, 0, 1))
+
+
+def _measure_map(file: Path, render: Render, features: Features) -> _Measured:
+    view = read_view(file)
+    started = time.process_time()
+    image = render(view.lighting, view.context)
+    seconds = time.process_time() - started
+    plain = _render_plain(view.lighting, view.context)
+    photo = project_photo(view.lighting, view.context.photo, MAP_ROWS)
+    hidden = np.zeros(image.shape[:2], np.bool_)
+    hidden[photo.rows, photo.columns] = photo.whole.weight > 0
+    sun = view.lighting.sun_direction if view.lighting.sun_painted else None
+    write_exr(stream := io.BytesIO(), image, view.lighting)
+    figures = {
+        **_map_errors(image, view.truth),
+        "ball changed": _diffuse_change(image, plain),
+        "second sun": _second_sun(image, plain, sun, hidden),
+        "CPU": seconds,
+        "EXR": len(stream.getvalue()),
+    }
+    return features(looked_at(image)), figures, _band_power(np.clip(image, 0, 1))
 
 
 def _figures(looks: _Looks, true: _Looks, places: NDArray[np.str_]) -> dict[str, float]:
@@ -587,30 +547,23 @@ def _figures(looks: _Looks, true: _Looks, places: NDArray[np.str_]) -> dict[str,
         distances_by_places(looks.features[:, part], true.features[:, part], places)
         for part in (slice(1), slice(1, None))
     )
-    errors = {
-        "mirror": "mirror",
-        "angle": "mirror_angle",
-        "roughness .2": "roughness_2",
-        "roughness .4": "roughness_4",
-        "diffuse": "diffuse",
-        "repetition": "repetition",
-    }
-    changes = np.array(looks.changes)
+    columns = looks.figures
+    changes = columns["ball changed"]
     return {
         "KID ball": float(ball.mean()),
         "+-": float(ball.std()),
         "KID views": float(view.mean()),
         "+- ": float(view.std()),
-        **{column: float(np.mean([getattr(e, name) for e in looks.errors])) for column, name in errors.items()},
+        **{name: float(values.mean()) for name, values in columns.items()},
         "ball changed": 100 * float(changes.mean()),
         "under 1 %": 100 * float(np.mean(changes < 0.01)),
-        "second sun": float(np.quantile(looks.suns, 0.9)),
-        "CPU": 1000 * float(np.median(looks.seconds)),
-        "EXR": float(np.mean(looks.bytes)) / 1e6,
+        "second sun": float(np.quantile(columns["second sun"], 0.9)),
+        "CPU": 1000 * float(np.median(columns["CPU"])),
+        "EXR": float(np.mean(columns["EXR"])) / 1e6,
     }
 
 
 def _power_figures(looks: _Looks, true: _Looks) -> dict[str, float]:
     names = [f"{band} {frequency:g}" for band in BANDS for frequency in FREQUENCIES]
-    power, true_power = (np.nanmean([e.power for e in one.errors], axis=0) for one in (looks, true))
+    power, true_power = (np.nanmean(one.power, axis=0) for one in (looks, true))
     return dict(zip(names, (power - true_power).tolist(), strict=True))

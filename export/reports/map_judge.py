@@ -24,7 +24,7 @@ from export.reports.map_detail import (
     draw_camera,
     looked_at,
     prepare_views,
-    read_views,
+    read_view,
     render_detail,
 )
 from lighting.color import srgb_bytes
@@ -89,8 +89,8 @@ def report_map_judge(data: Path, model: Model, count: int, split: str, cache: Pa
     features = _judge_features()
     panoramas, files = prepare_views(data, model, count, split, cache)
     found: dict[str, list[Floats]] = {"true": [], "maps": []}
-    for file, panorama, view in zip(files, panoramas, read_views(files, panoramas), strict=True):
-        look = partial(judged_views, pitch=draw_camera(panorama)[1])
+    for file, panorama in zip(files, panoramas, strict=True):
+        view, look = read_view(file), partial(judged_views, pitch=draw_camera(panorama)[1])
         kept = file.with_suffix(".judged.npy")
         if not kept.exists():
             np.save(kept, features(look(view.truth)))

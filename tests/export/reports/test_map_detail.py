@@ -28,19 +28,20 @@ def sine(amplitude: float, cycles: int, height: int = 512) -> np.ndarray:
 def test_the_true_map_has_no_errors_and_a_brighter_one_does() -> None:
     truth = noise()
     right = map_detail._map_errors(truth, truth)
-    errors = (right.mirror, right.roughness_2, right.roughness_4, right.diffuse)
-    assert errors == pytest.approx((0, 0, 0, 0), abs=1e-6)
+    assert [right[name] for name in ("mirror", "roughness .2", "roughness .4", "diffuse")] == pytest.approx(
+        [0, 0, 0, 0], abs=1e-6
+    )
     brighter = map_detail._map_errors(np.float32(1.1) * truth, truth)
-    assert brighter.mirror == pytest.approx(0.1, abs=1e-5)
-    assert brighter.roughness_2 == pytest.approx(0.1, abs=1e-5)
-    assert brighter.diffuse == pytest.approx(0, abs=1e-5)
-    assert brighter.mirror_angle == pytest.approx(0, abs=0.1)
+    assert brighter["mirror"] == pytest.approx(0.1, abs=1e-5)
+    assert brighter["roughness .2"] == pytest.approx(0.1, abs=1e-5)
+    assert brighter["diffuse"] == pytest.approx(0, abs=1e-5)
+    assert brighter["angle"] == pytest.approx(0, abs=0.1)
 
 
 def test_a_mirror_ball_sees_detail_that_a_diffuse_one_does_not() -> None:
     truth = np.full((HEIGHT, 2 * HEIGHT, 3), 0.5, np.float32)
     errors = map_detail._map_errors(noise(), truth)
-    assert errors.mirror > 0.2 > 0.05 > errors.roughness_4 > errors.diffuse
+    assert errors["mirror"] > 0.2 > 0.05 > errors["roughness .4"] > errors["diffuse"]
 
 
 def test_the_change_of_a_diffuse_ball_is_a_share() -> None:
