@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -459,7 +460,7 @@ def _write_view(panorama: Panorama, estimator: Estimator, file: Path) -> None:
     truth = np.clip(shrink_envmap(rotate_envmap(linear, -yaw) * np.float32(gain), MAP_ROWS), 0, 1)
     truth = resize(truth, 2 * MAP_ROWS, MAP_ROWS, Image.Resampling.BILINEAR)
     answers = {"coarse": estimate.surroundings, "segments": estimate.segments}
-    stated = {name: values for name, values in answers.items() if values is not None}
+    stated: dict[str, Any] = {name: values for name, values in answers.items() if values is not None}
     record = json.dumps(estimate.lighting.to_dict())
     file.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(file, photo=photo.pixels, truth=truth.astype(np.float16), lighting=record, **stated)

@@ -42,13 +42,12 @@ from lighting.model import pad_to_input
 from lighting.prediction import ModelSpec
 from lighting.sun_grid import grid_directions, soft_label
 
-PATH_SETTINGS = ("data", "labels", "start", "teachers")  # however the paths are written
 MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # when a run is resumed: its folder may have moved
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """Everything a training run depends on besides the data; config.json has the same names."""
+    """Everything a training run depends on besides the data; config.json has the same names. Paths become absolute."""
 
     data: str  # folder of panoramas
     labels: str  # CSV of `python -m export label`
@@ -80,7 +79,13 @@ class TrainConfig:
     checkpoint_minutes: float = 4.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "teachers", tuple(self.teachers))  # JSON has them as a list
+        for name in ("data", "labels", "start"):
+            object.__setattr__(self, name, _absolute(getattr(self, name)))
+        object.__setattr__(self, "teachers", tuple(map(_absolute, self.teachers)))  # JSON has them as a list
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).resolve()) if path else ""
 
 
 _NARROW = 0.6  # share of the run from which sun targets are as narrow as they get

@@ -32,7 +32,6 @@ from export.networks.weights import (
 )
 from export.training.dataset import (
     MAY_CHANGE,
-    PATH_SETTINGS,
     Batch,
     TrainConfig,
     TrainingCrops,
@@ -40,7 +39,6 @@ from export.training.dataset import (
     training_photos,
 )
 from export.training.losses import TeacherEnsemble, add_mirror_images, blend_pictures, blended_shares, training_losses
-from lighting.fields import Json
 from lighting.files import atomic_write, stale_temporaries
 
 _MAX_GRADIENT = 5.0  # norm
@@ -188,27 +186,15 @@ def _earlier_commits(config: TrainConfig) -> list[str]:
     if "merged" in record:
         read = f"{config.out} holds a network that was read back from a file"
         raise DataError(f"{read}; give it as --start and choose another --out.")
-    now = _settings(config)
+    now = asdict(config)
     if unknown := record["config"].keys() - now.keys():
         what = f"a setting that is unknown here, {min(unknown)}"
         raise DataError(f"{config.out} holds a run with {what}; choose another --out.")
-    then = _settings(TrainConfig(**record["config"]))
+    then = asdict(TrainConfig(**record["config"]))
     changed = [name for name in now if name not in MAY_CHANGE and then[name] != now[name]]
     if changed:
         raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")
     return str(record["commit"]).split(", ")
-
-
-def _settings(config: TrainConfig) -> Json:
-    """A run's settings by name, its paths absolute."""
-    return {name: _absolute(value) if name in PATH_SETTINGS else value for name, value in asdict(config).items()}
-
-
-def _absolute(paths: Any) -> Any:
-    """A path, or each of several, as an absolute one; an empty text stays."""
-    if isinstance(paths, str):
-        return str(Path(paths).resolve()) if paths else ""
-    return list(map(_absolute, paths))
 
 
 def _commit() -> str:

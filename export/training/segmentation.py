@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageOps
 from torch import Tensor, nn
 
 from export.crops.augmentation import recompress
@@ -28,9 +28,9 @@ from export.networks.outdoor import network_specs
 from export.networks.segmentation import Features, SegmentationBranch, SegmentationHead
 from export.networks.weights import check_new, write_run
 from lighting.geometry import Floats, Pinhole, camera_directions, fit_in_box, sample_latlong
-from lighting.model import pad_to_input
+from lighting.model import pad_to_input, resize_to_input
 from lighting.onnx_session import create_session
-from lighting.photo.reader import read_photo
+from lighting.photo.reader import Photo, read_photo
 from lighting.prediction import CELL_PIXELS, Segments, SurfaceClass
 
 _TABLE = "ground.csv"
@@ -223,12 +223,6 @@ def _make_variants(frozen: _FrozenNetwork, pictures: Sequence[LabelledPicture], 
     return _compute_variants(frozen, parts, _BLUR)
 
 
-def _make_taught(frozen: _FrozenNetwork, teacher: Path, data: Path) -> list[_Variant]:
-    """One variant of each view without labels, and what the teacher says of it as it is."""
-    rng = np.random.default_rng(3)
-    return _compute_variants(frozen, (_taught_part(*one, rng) for one in teach_views(teacher, data, seed=4)), 0.0)
-
-
 def _taught_part(view: NDArray[np.uint8], segments: Segments, rng: np.random.Generator) -> _Part:
     """A view in other light, and what the teacher says of it."""
     small = _fit_canvas(view)
@@ -241,8 +235,8 @@ def _taught_part(view: NDArray[np.uint8], segments: Segments, rng: np.random.Gen
 
 def _fit_canvas(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """A picture (h, w, 3) in the size that fills the canvas."""
-    size = fit_in_box(pixels.shape[1], pixels.shape[0], _SPEC.width, _SPEC.height)
-    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
+    height, width = pixels.shape[:2]
+    return resize_to_input(Photo(pixels, width, height, "PIXELS"), _SPEC)
 
 
 def _average_cells(shares: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -259,18 +253,14 @@ def _compute_variants(frozen: _FrozenNetwork, parts: Iterable[_Part], blur: floa
     variants: list[_Variant] = []
     remaining = iter(parts)
     while some := list(islice(remaining, _FEATURE_BATCH)):
-        variants += _with_features(frozen, some, blur)
+        target = torch.from_numpy(np.stack([part.target for part in some])).permute(0, 3, 1, 2)
+        inside = target.sum(dim=1, keepdim=True)
+        near = nn.functional.avg_pool2d(nn.functional.pad(target, (1, 1, 1, 1), mode="replicate"), 3, 1)
+        near = inside * near / near.sum(dim=1, keepdim=True).clamp_min(1e-6)
+        fine, middle, far = (maps.half() for maps in frozen([part.pixels for part in some]))
+        shares = (1 - blur) * target + blur * near
+        variants += [_Variant((f, m, r), own) for f, m, r, own in zip(fine, middle, far, shares, strict=True)]
     return variants
-
-
-def _with_features(frozen: _FrozenNetwork, parts: Sequence[_Part], blur: float) -> list[_Variant]:
-    target = torch.from_numpy(np.stack([part.target for part in parts])).permute(0, 3, 1, 2)
-    inside = target.sum(dim=1, keepdim=True)
-    near = nn.functional.avg_pool2d(nn.functional.pad(target, (1, 1, 1, 1), mode="replicate"), 3, 1)
-    near = inside * near / near.sum(dim=1, keepdim=True).clamp_min(1e-6)
-    blurred = (1 - blur) * target + blur * near
-    features = (maps.half() for maps in frozen([part.pixels for part in parts]))
-    return [_Variant((fine, middle, far), shares) for fine, middle, far, shares in zip(*features, blurred, strict=True)]
 
 
 def _train_head(variants: Sequence[_Variant], taught: Sequence[_Variant]) -> SegmentationHead:
@@ -337,7 +327,9 @@ def train_segmentation(data: Path, teacher: Path, out: Path) -> str:
     """
     check_new(out)
     frozen, pictures = _FrozenNetwork(), [*read_labelled_pictures(data, "train"), *_read_more_pictures(data)]
-    taught = _make_taught(frozen, teacher, data)
+    rng = np.random.default_rng(3)
+    parts = (_taught_part(*view, rng) for view in teach_views(teacher, data, seed=4))
+    taught = _compute_variants(frozen, parts, blur=0.0)  # one variant of each view
     branch = SegmentationBranch(_train_head(_make_variants(frozen, pictures, seed=1), taught))
     grids = f"{len(pictures)} pictures with grids of what they show"
     source = f"{grids} and {len(taught)} that another network answered for, most with no stated licence"
@@ -403,34 +395,8 @@ _FOV = (35.0, 75.0)  # deg, vertical, of a view of a panorama
 _TILT, _TILT_STD, _ROLL_STD = -4.0, 10.0, 3.0  # deg
 
 
-class _Teacher:
-    """The network in a file of segments-1.1.0."""
-
-    def __init__(self, file: Path) -> None:
-        """Read the network.
-
-        Args:
-            file: the ONNX file.
-
-        Raises:
-            ModelError: the file is missing or damaged.
-        """
-        self._session = create_session(file, threads=1)
-
-    def __call__(self, pixels: NDArray[np.uint8]) -> Segments:
-        """Probabilities of what a picture (h, w, 3) sRGB shows, the mean of those of its mirror image and its own."""
-        mirrored = self._predict(np.ascontiguousarray(pixels[:, ::-1]))[:, ::-1]
-        return np.asarray((self._predict(pixels) + mirrored) / 2)
-
-    def _predict(self, pixels: NDArray[np.uint8]) -> Segments:
-        size = _INPUT_SIZE if pixels.shape[1] >= pixels.shape[0] else _INPUT_SIZE[::-1]
-        stretched = np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
-        segments: Segments = self._session.run(None, {"photo": stretched[None]})[0][0]
-        return segments
-
-
 def teach_views(file: Path, folder: Path, seed: int) -> Iterator[tuple[NDArray[np.uint8], Segments]]:
-    """Views (h, w, 3) sRGB of pictures without labels, and what the teacher says that they show.
+    """Views (h, w, 3) sRGB of pictures without labels, and what the teacher says of each and of its mirror image.
 
     Args:
         file: the teacher's ONNX file.
@@ -441,9 +407,17 @@ def teach_views(file: Path, folder: Path, seed: int) -> Iterator[tuple[NDArray[n
         DataError: a table is missing, or a picture cannot be read.
         ModelError: the teacher is missing or damaged.
     """
-    teacher = _Teacher(file)
+    session = create_session(file, threads=1)
+
+    def ask(picture: Image.Image) -> Segments:
+        size = _INPUT_SIZE if picture.width >= picture.height else _INPUT_SIZE[::-1]
+        stretched = np.asarray(picture.resize(size, Image.Resampling.BOX, reducing_gap=2.0))
+        segments: Segments = session.run(None, {"photo": stretched[None]})[0][0]
+        return segments
+
     for view in _read_views(folder, seed):
-        yield view, teacher(view)
+        picture = Image.fromarray(view)
+        yield view, np.asarray((ask(picture) + ask(ImageOps.mirror(picture))[:, ::-1]) / 2)
 
 
 def _read_views(folder: Path, seed: int) -> Iterator[NDArray[np.uint8]]:

@@ -117,7 +117,7 @@ def test_a_path_may_be_written_another_way_when_a_run_is_resumed(
     assert _earlier_commits(relative) == _earlier_commits(short)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(DataError, match="another data and labels"):
-        _earlier_commits(relative)
+        _earlier_commits(replace(short, data=folder.name, labels=f"{folder.name}/labels.csv"))
     with pytest.raises(DataError, match="another teachers and start"):
         _earlier_commits(replace(short, start=".", teachers=(".",)))
 
