@@ -20,6 +20,7 @@ from lighting.prediction import ModelSpec
 
 RUN_RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
 CHECKPOINT = "checkpoint.pt"
+LOG = "log.jsonl"
 # Heads that not every network has, by the parameter of `Outdoor`, and how their weights are called.
 _OPTIONAL_PARTS = {"has_sun_in_view": "seen.", "has_camera_bins": "camera.", "has_surroundings": "light."}
 
@@ -162,6 +163,24 @@ def read_network(folder: Path) -> nn.Module:
         network = Outdoor(spec, **has)
     load_weights(network, weights)
     return network.eval()
+
+
+def append_log(folder: Path, step: int, minutes: float, window: Sequence[dict[str, Tensor]], **more: float) -> str:
+    """Add a line to the log of a run, LOG; returns it, as JSON.
+
+    Args:
+        folder: of the run.
+        step: that was the last.
+        minutes: of training.
+        window: losses by name of the steps since the last line; their means are noted.
+        more: numbers by name, which follow.
+    """
+    means = {name: float(torch.stack([losses[name] for losses in window]).mean()) for name in window[0]}
+    values = {"minutes": minutes, **means, **more}
+    line = json.dumps({"step": step, **{name: round(value, 4) for name, value in values.items()}})
+    with (folder / LOG).open("a") as file:
+        file.write(line + "\n")
+    return line
 
 
 def write_run(folder: Path, record: Json, weights: dict[str, Tensor]) -> None:

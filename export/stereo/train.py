@@ -1,15 +1,14 @@
 """Training of the network of normals, and its ONNX file for any number and size of images.
 
-New samples join a pool from which batches are drawn, for a set time. A run's folder holds config.json, log.csv and
+New samples join a pool from which batches are drawn, for a set time. A run's folder holds config.json, log.jsonl and
 checkpoint.pt; a run that was stopped goes on where it was.
 """
 
-import csv
 import json
 import math
 import time
 from collections import deque
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from torch import Tensor
 
 from export.data.panoramas import DataError
 from export.networks.onnx_export import add_metadata, check_parity, trace_onnx
-from export.networks.weights import CHECKPOINT, read_checkpoint
+from export.networks.weights import CHECKPOINT, append_log, read_checkpoint
 from export.stereo.normals_network import NormalsNetwork
 from export.stereo.samples import NormalsSample, batch_samples, generate_samples, read_meshes
 from lighting.files import atomic_write
@@ -46,19 +45,17 @@ class Config:
     learning_rate: float = 2e-3
     seed: int = 1
     threads: int = 1
-    halves: bool = True  # compute in bfloat16
 
 
 @dataclass
 class _Run:
-    """The state of a run; a checkpoint holds all but the log."""
+    """The state of a run, as a checkpoint holds it."""
 
     network: NormalsNetwork
     average: dict[str, Tensor]
     optimiser: torch.optim.Optimizer
     step: int = 0
     seconds: float = 0.0
-    log: list[dict[str, float]] = field(default_factory=list)  # of the steps since the file's last line
 
 
 def train_normals(config: Config) -> Path:
@@ -80,28 +77,28 @@ def train_normals(config: Config) -> Path:
     fresh = generate_samples(meshes, config.seed + run.step)
     pool = deque(islice(fresh, config.first), maxlen=config.pool)
     rng = np.random.default_rng(config.seed + run.step)
-    last = time.monotonic()
+    last, window = time.monotonic(), []
     while run.seconds < 60 * config.minutes:
         pool.append(next(fresh))
         chosen = [pool[index] for index in rng.integers(len(pool), size=config.batch)]
-        line = _step(run, chosen, config, mirrored=bool(rng.integers(2)))
+        window.append(_step(run, chosen, config, mirrored=bool(rng.integers(2))))
         run.seconds, last = run.seconds + time.monotonic() - last, time.monotonic()
-        run.log.append(line)
         if run.step % _EVERY == 0:
-            _write_log(folder, run)
+            append_log(folder, run.step, run.seconds / 60, window)
+            window.clear()
         if run.step % _SAVE == 0:
             _save(folder, run)
     _save(folder, run)
     return folder / CHECKPOINT
 
 
-def _step(run: _Run, chosen: list[NormalsSample], config: Config, *, mirrored: bool) -> dict[str, float]:
+def _step(run: _Run, chosen: list[NormalsSample], config: Config, *, mirrored: bool) -> dict[str, Tensor]:
     share = min(1.0, run.seconds / (60 * config.minutes))
     for group in run.optimiser.param_groups:
         warm = min(1.0, (run.step + 1) / 50)
         group["lr"] = config.learning_rate * warm * (0.51 + 0.5 * math.cos(math.pi * share))
     by_image, present, shared, truth = batch_samples(chosen, mirrored=mirrored)
-    with torch.autocast("cpu", dtype=torch.bfloat16, enabled=config.halves):
+    with torch.autocast("cpu", dtype=torch.bfloat16):
         normal, error = run.network(by_image, shared, present)
     mask = shared[:, -1]
     chord = torch.sqrt(((normal - truth) ** 2).sum(dim=1) + 1e-6)
@@ -115,15 +112,15 @@ def _step(run: _Run, chosen: list[NormalsSample], config: Config, *, mirrored: b
     for name, value in run.network.state_dict().items():
         run.average[name].lerp_(value, 1 - memory)
     searched = torch.sqrt(((shared[:, :3] - truth) ** 2).sum(dim=1) + 1e-6)
-    return {"loss": float(loss.detach()), "network": _degrees(chord, mask), "search": _degrees(searched, mask)}
+    return {"loss": loss.detach(), "network": _degrees(chord, mask), "search": _degrees(searched, mask)}
 
 
 def _mean(value: Tensor, mask: Tensor) -> Tensor:
     return (value * mask).sum() / mask.sum()
 
 
-def _degrees(chord: Tensor, mask: Tensor) -> float:
-    return float(_mean(torch.rad2deg(2 * torch.asin((chord.detach() / 2).clamp(max=1))), mask))
+def _degrees(chord: Tensor, mask: Tensor) -> Tensor:
+    return _mean(torch.rad2deg(2 * torch.asin((chord.detach() / 2).clamp(max=1))), mask)
 
 
 def _resumed(folder: Path, config: Config) -> _Run:
@@ -151,19 +148,6 @@ def _save(folder: Path, run: _Run) -> None:
     state = {"network": run.network.state_dict(), "average": run.average, "optimiser": run.optimiser.state_dict()}
     with atomic_write(folder / CHECKPOINT) as path:
         torch.save({**state, "step": run.step, "seconds": run.seconds}, path)
-
-
-def _write_log(folder: Path, run: _Run) -> None:
-    """One line of means over the steps since the last one."""
-    names = list(run.log[0])
-    new = not (folder / "log.csv").exists()
-    with (folder / "log.csv").open("a", newline="") as file:
-        writer = csv.writer(file)
-        if new:
-            writer.writerow(["step", "minutes", *names])
-        means = [f"{np.mean([line[name] for line in run.log]):.4f}" for name in names]
-        writer.writerow([run.step, f"{run.seconds / 60:.1f}", *means])
-    run.log.clear()
 
 
 def averaged_normals_network(folder: Path) -> NormalsNetwork:

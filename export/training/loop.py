@@ -25,6 +25,7 @@ from export.networks.outdoor_transformer import OutdoorTransformer
 from export.networks.weights import (
     CHECKPOINT,
     RUN_RECORD,
+    append_log,
     averaged_weights,
     read_checkpoint,
     read_record,
@@ -241,11 +242,7 @@ def _loop(run: _Run, dataset: TrainingCrops, tune: TrainingCrops | None) -> None
         if last or time.monotonic() - saved > 60 * run.config.checkpoint_minutes:
             run.save()
             saved = time.monotonic()
-            means = {name: float(torch.stack([w[name] for w in window]).mean()) for name in window[0]}
-            window.clear()
             held_out = {f"tune_{k}": v for k, v in run.tune_losses(tune).items()} if tune is not None and last else {}
-            values = {"minutes": (saved - started) / 60, **means, **held_out}
-            line = json.dumps({"step": run.step, **{name: round(value, 4) for name, value in values.items()}})
-            print(line, flush=True)
-            with (Path(run.config.out) / "log.jsonl").open("a") as file:
-                file.write(line + "\n")
+            minutes = (saved - started) / 60
+            print(append_log(Path(run.config.out), run.step, minutes, window, **held_out), flush=True)
+            window.clear()
