@@ -141,8 +141,7 @@ class Outdoor(nn.Module):
     Args:
         spec: of the network.
         pretrained: load the ImageNet weights of the backbone in place of random ones.
-        has_sun_in_view: predict where in the picture the sun is; our network before version 1.3 did not.
-        has_camera_bins: predict the camera's angles as distributions; before version 2.0 it did not.
+        has_camera_bins: predict the camera's angles as distributions; beside a network for the camera it need not.
         has_surroundings: predict the light around the camera, its power, and whether the photo suits.
     """
 
@@ -151,7 +150,6 @@ class Outdoor(nn.Module):
         spec: ModelSpec,
         *,
         pretrained: bool = False,
-        has_sun_in_view: bool = True,
         has_camera_bins: bool = True,
         has_surroundings: bool = False,
     ) -> None:
@@ -161,7 +159,7 @@ class Outdoor(nn.Module):
         features = 1280 + 48 * math.ceil(spec.height / 32) * math.ceil(spec.width / 32)
         self.sun = mlp_head(features, len(grid_directions(spec.sun_grid)))
         self.values = mlp_head(features, len(PARAMETERS))
-        self.seen = _SunInView(112, 1280) if has_sun_in_view else None
+        self.seen = _SunInView(112, 1280)
         cells_of_layout = math.ceil(spec.height / 16) * math.ceil(spec.width / 16)
         self.camera = _CameraBins(112, 1280, cells_of_layout) if has_camera_bins else None
         self.around = mlp_head(features, 3 * CELLS) if has_surroundings else None
@@ -173,7 +171,7 @@ class Outdoor(nn.Module):
     def forward(self, photo: Tensor) -> NetworkOutput:
         middle, last, pooled = self.backbone(photo)
         features = torch.cat([pooled, self.where(last)], dim=1)
-        sun_in_view = self.seen(middle, pooled) if self.seen else _empty_output(photo)
+        sun_in_view = self.seen(middle, pooled)
         surroundings = self.around(features) if self.around else _empty_output(photo)
         light = self.light(features) if self.light else _empty_output(photo)
         camera = self.camera(middle, pooled) if self.camera else _empty_output(photo)

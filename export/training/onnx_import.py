@@ -18,9 +18,9 @@ from torch.utils.data import DataLoader
 
 from export.crops.crops import load_sources
 from export.data.panoramas import DataError
-from export.networks.outdoor import HEADS, Outdoor
+from export.networks.outdoor import HEADS
 from export.networks.outdoor_transformer import OutdoorTransformer
-from export.networks.weights import check_new, write_run
+from export.networks.weights import check_new, make_network, write_run
 from export.training.dataset import TrainConfig, TrainingCrops, training_panoramas
 from lighting.fields import Json
 from lighting.prediction import ModelSpec
@@ -78,13 +78,11 @@ def _read_onnx_network(file: Path, number: int) -> tuple[nn.Module, dict[str, st
     if number >= len(prefixes):
         raise DataError(f"{file} holds no network number {number}.")
     prefix = prefixes[number]
-    bins, surroundings = (any(t.startswith(f"{prefix}{head}.") for t in tensors) for head in ("camera", "around"))
-    network: nn.Module
-    if any(name.startswith(f"{prefix}trunk.") for name in tensors):
-        network = OutdoorTransformer(spec, pretrained=True, has_surroundings=surroundings)
+    names = (name.removeprefix(prefix) for name in tensors if name.startswith(prefix))
+    network = make_network(spec, names, pretrained=True)
+    if isinstance(network, OutdoorTransformer):
         state = network.state_dict() | _transformer_weights(network, model.graph, tensors, prefix)
     else:
-        network = Outdoor(spec, has_camera_bins=bins, has_surroundings=surroundings)
         state = _weights(network, tensors, prefix)
     missing, _ = network.load_state_dict(state, strict=False)
     if lost := [name for name in missing if not name.startswith((*HEADS, "sun.", "values."))]:

@@ -356,8 +356,15 @@ def test_heads_of_the_light_are_reduced_to_the_nearest_product() -> None:
     assert sum(value.numel() for value in network.light[1].parameters()) < 200_000
 
 
+def seeing_no_sun() -> Outdoor:
+    """A network that is sure that no picture shows the sun."""
+    network = Outdoor(SPECS["outdoor"]).eval()
+    torch.nn.init.constant_(network.seen.nowhere.bias, 100.0)
+    return network
+
+
 def test_temperature_widens_the_distribution() -> None:
-    network = Outdoor(SPECS["outdoor"], has_sun_in_view=False).eval()
+    network = seeing_no_sun()
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
         sharp, soft = NetworkEnsemble([network], GRID, 0.5)(photo)[0], NetworkEnsemble([network], GRID, 2.0)(photo)[0]
@@ -379,7 +386,7 @@ def test_networks_together_answer_their_mean() -> None:
 
 def test_a_network_for_the_sun_says_nothing_else() -> None:
     torch.manual_seed(5)
-    first, second = (Outdoor(SPECS["outdoor"], has_sun_in_view=False).eval() for _ in range(2))
+    first, second = (seeing_no_sun() for _ in range(2))
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         alone = [NetworkEnsemble([network], GRID)(photo) for network in (first, second)]
@@ -412,7 +419,7 @@ def test_a_transformer_gives_the_same_bits_in_every_session(tmp_path: Path, monk
 
 def test_a_network_for_the_camera_answers_for_it_instead_of_the_others() -> None:
     torch.manual_seed(4)
-    first, camera = (Outdoor(SPECS["outdoor"], has_sun_in_view=False).eval() for _ in range(2))
+    first, camera = (seeing_no_sun() for _ in range(2))
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         sun, parameters = NetworkEnsemble([first], GRID, cameras=[camera])(photo)

@@ -75,20 +75,13 @@ def test_weights_with_the_light_around_fit_a_network_without_it_and_the_other_wa
 SPEC = network_specs("0")["outdoor"]
 
 
-def test_networks_without_it_do_not_say_where_and_can_learn_it() -> None:
-    mute, seeing = Outdoor(SPEC, has_sun_in_view=False).eval(), Outdoor(SPEC).eval()
-    photo = torch.randn(2, 3, SPEC.height, SPEC.width)
-    with torch.inference_mode():
-        assert mute(photo)[2].shape == (2, 0)
-        assert seeing(photo)[2].shape == (2, 1 + (SPEC.height // CELL) * (SPEC.width // CELL))
-        load_weights(seeing, mute.state_dict())
-        torch.testing.assert_close(seeing(photo)[:2], mute(photo)[:2])
+def test_weights_that_are_missing_are_told() -> None:
     with pytest.raises(DataError, match="are of another network"):
-        load_weights(seeing, {})
+        load_weights(Outdoor(SPEC), {})
 
 
 def test_every_head_has_its_size() -> None:
-    network = Outdoor(SPEC, has_sun_in_view=True, has_surroundings=True).eval()
+    network = Outdoor(SPEC, has_surroundings=True).eval()
     with torch.inference_mode():
         predicted = network(torch.zeros(2, 3, SPEC.height, SPEC.width))
     cells = (SPEC.height // CELL) * (SPEC.width // CELL)
@@ -111,8 +104,8 @@ def test_a_new_network_sees_no_sun() -> None:
 
 
 def test_heads_that_are_not_asked_for_are_not_there() -> None:
-    names = Outdoor(SPEC, has_sun_in_view=False, has_camera_bins=False).state_dict()
-    assert not any(name.startswith(("seen.", "around.", "camera.", "light.", "suitable.")) for name in names)
+    names = Outdoor(SPEC, has_camera_bins=False).state_dict()
+    assert not any(name.startswith(("around.", "camera.", "light.", "suitable.")) for name in names)
 
 
 def test_encode_and_decode_are_inverse() -> None:
