@@ -43,8 +43,8 @@ _MAX_STD = 2.0  # deg, of an answer
 _MIN_GUESS_STD = 0.1  # of a focal length's logarithm from which on it is a guess, which does not see a zoom
 _MIN_STATIC_SHARE = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
 _MIN_ZOOMED_SHARE = 0.95  # of the matches that obey an epipolar geometry must obey a zoom for it to be one
-_STATIC_ERROR_FACTOR = 1.3  # errors over what the scatter of the matches says
-_MOVING_ERROR_FACTOR = 3.0  # the same where the camera moved
+_STATIC_VARIANCE = 2.0 * 1.3**2  # over what the scatter of the matches says, each of which counts in both photos
+_MOVING_VARIANCE = 3.0**2  # the same where the camera moved; a match counts once
 
 _EPIPOLAR_TOLERANCE = 1.5  # pixels from the epipolar line within which a match obeys
 _MIN_PARALLAX_RATIO = 1.25  # times as many matches must obey it where the camera moved
@@ -110,6 +110,17 @@ def estimate_rotation(
     return _choose_model(matches, _Lens(sizes, (focals[0][0], focals[-1][0]), float(log_std)))
 
 
+@dataclass(frozen=True, eq=False)
+class _PairFit:
+    """A rotation and the focal lengths, and how sure they are."""
+
+    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
+    focal: tuple[float, float]  # of both photos [half diagonals]
+    covariance: Floats  # (4, 4) of the rotation's vector [rad] and the first focal length's logarithm
+    inliers: NDArray[np.bool_]  # (M,) matches that obey it
+    translation: Floats | None = None  # (3,) unit vector from the second camera to the first, in the second's frame
+
+
 @dataclass(frozen=True)
 class _Lens:
     """Both focal lengths before matching; as a rule both are off by one factor, the zoom."""
@@ -148,9 +159,7 @@ def _choose_model(matches: Matches, lens: _Lens) -> RelativeRotation | None:
         return _fit_motion(obeying, len(matches), lens) or trusted
     if np.mean(zoomed.inliers) < _MIN_ZOOMED_SHARE:
         return trusted
-    covariance = 2.0 * _STATIC_ERROR_FACTOR**2 * zoomed.covariance  # each match counts in both photos
-    count = int(np.sum(zoomed.inliers))
-    return _describe(lens, zoomed.rotation, zoomed.focal, covariance, (count, len(matches)), zoomed=True) or trusted
+    return _describe(lens, zoomed, _STATIC_VARIANCE, len(matches), zoomed=True) or trusted
 
 
 def _fit_rotation(matches: Matches, lens: _Lens) -> RelativeRotation | None:
@@ -164,32 +173,31 @@ def _fit_rotation(matches: Matches, lens: _Lens) -> RelativeRotation | None:
         fit = _refine_rotation(matches, near, rotation, zoom, lens)
         rotation, zoom = rotation_about(fit.parameters[:3]) @ rotation, zoom * float(np.exp(fit.parameters[3]))
     first, second = lens.zoomed(zoom)
-    count = int(np.count_nonzero(_distances(matches, rotation, (first, second)) < scale))
+    inliers = _distances(matches, rotation, (first, second)) < scale
     moved = np.abs(project_points(rays_through(matches.a, first) @ rotation.T, second))
     common = int(np.count_nonzero(np.all(moved <= np.array(lens.sizes[1]) / np.hypot(*lens.sizes[1]), axis=1)))
-    if count < max(_MIN_INLIERS, _MIN_INLIER_SHARE * common):
+    if np.count_nonzero(inliers) < max(_MIN_INLIERS, _MIN_INLIER_SHARE * common):
         return None
-    covariance = 2.0 * _STATIC_ERROR_FACTOR**2 * fit.covariance  # each match counts in both photos
-    return _describe(lens, rotation, (first, second), covariance, (count, len(matches)))
+    pair = _PairFit(rotation, (first, second), fit.covariance, inliers)
+    return _describe(lens, pair, _STATIC_VARIANCE, len(matches))
 
 
 def _fit_motion(obeying: Matches, matches: int, lens: _Lens) -> RelativeRotation | None:
     """The rotation of a camera that walked, by those of so many matches that obey an epipolar geometry."""
     result = essential_motion(obeying, lens.focal, lens.zooms(), lens.prior())
-    if result is None or (count := int(np.count_nonzero(result.inliers))) < _MIN_MOVING_INLIERS:
+    if result is None or np.count_nonzero(result.inliers) < _MIN_MOVING_INLIERS:
         return None
-    focal, covariance = lens.zoomed(result.zoom), _MOVING_ERROR_FACTOR**2 * result.covariance
-    return _describe(lens, result.rotation, focal, covariance, (count, matches), translates=True)
+    return _describe(lens, result, _MOVING_VARIANCE, matches, translates=True)
 
 
-def _describe(
-    lens: _Lens, rotation: Floats, focal: tuple[float, float], covariance: Floats, counts: tuple[int, int], **kind: bool
-) -> RelativeRotation | None:
-    """The rotation of a fit by its focal lengths, covariance (4, 4), inliers and matches; None where it is not sure."""
-    first, second = (fov_from_focal(f, *size) for f, size in zip(focal, lens.sizes, strict=True))
+def _describe(lens: _Lens, fit: _PairFit, variance: float, matches: int, **kind: bool) -> RelativeRotation | None:
+    """The rotation of a fit to some of so many matches, its covariance times `variance`; None where it is not sure."""
+    first, second = (fov_from_focal(f, *size) for f, size in zip(fit.focal, lens.sizes, strict=True))
+    covariance = variance * fit.covariance
     fov_std = float(np.sqrt(covariance[3, 3]) * np.degrees(np.sin(np.radians(first))))
     in_degrees = np.degrees(np.degrees(covariance[:3, :3]))
-    relative = RelativeRotation(rotation, in_degrees, (first, second), fov_std, *counts, **kind)
+    count = int(np.count_nonzero(fit.inliers))
+    relative = RelativeRotation(fit.rotation, in_degrees, (first, second), fov_std, count, matches, **kind)
     return relative if relative.std <= _MAX_STD else None
 
 
@@ -214,17 +222,6 @@ def _refine_rotation(
 
 
 # A camera that also moved: the essential matrix [3, 4].
-
-
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """A rotation, a direction of motion and a zoom, and how sure they are."""
-
-    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
-    translation: Floats  # (3,) unit vector from the second camera to the first, in the second's frame
-    zoom: float
-    covariance: Floats  # (4, 4) of the rotation's vector [rad] and the zoom's logarithm
-    inliers: NDArray[np.bool_]  # (M,)
 
 
 def _epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:
@@ -259,7 +256,7 @@ def _clearly_more(obeying: int, agreed: int) -> bool:
 
 def essential_motion(
     matches: Matches, focal: tuple[float, float], zooms: Sequence[float], log_zoom_prior: float
-) -> _Motion | None:
+) -> _PairFit | None:
     """The best motion over the zooms tried; None where no essential matrix fits.
 
     Args:
@@ -290,7 +287,7 @@ def _essential(matches: Matches, focal: tuple[float, float], zoom: float) -> tup
 
 def _refine_motion(
     matches: Matches, focal: tuple[float, float], zoom: float, prior: float, rotation: Floats, translation: Floats
-) -> _Motion:
+) -> _PairFit:
     side = np.linalg.svd(translation[None])[2][1:]  # two unit vectors across the motion
 
     def parts(at: Floats) -> tuple[Floats, Floats, float]:
@@ -304,7 +301,9 @@ def _refine_motion(
     inverse = np.array([0.0, 0.0, 0.0, prior, 0.0, 0.0])
     expected = np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0, 0.0])
     fit = least_squares(residuals, np.zeros(6), scale, inverse, expected)
-    return _Motion(*parts(fit.parameters), fit.covariance[:4, :4], np.abs(fit.residuals) < 2.0 * scale)
+    inliers = np.abs(fit.residuals) < 2.0 * scale
+    turned, moved, best = parts(fit.parameters)
+    return _PairFit(turned, (best * focal[0], best * focal[1]), fit.covariance[:4, :4], inliers, moved)
 
 
 def _sampson(
@@ -323,20 +322,10 @@ def _sampson(
 # A camera that was zoomed between two photos: a rotation and a focal length for each of them.
 
 
-@dataclass(frozen=True, eq=False)
-class _ZoomedPair:
-    """A rotation and two focal lengths, and how sure they are."""
-
-    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
-    focal: tuple[float, float]  # of both photos [half diagonals]
-    covariance: Floats  # (4, 4) of the rotation's vector [rad] and the first focal length's logarithm
-    inliers: NDArray[np.bool_]  # (M,) matches that obey it in the photo that shows them coarser
-
-
-def _estimate_zoom(
-    matches: Matches, focal: tuple[float, float], zooms: Sequence[float], mean_prior: float
-) -> _ZoomedPair:
+def _estimate_zoom(matches: Matches, focal: tuple[float, float], zooms: Sequence[float], mean_prior: float) -> _PairFit:
     """The best rotation with two focal lengths, for matches of which nearly all are right.
+
+    A match obeys it where it does in the photo that shows it coarser.
 
     `focal` are guesses [half diagonals]; only the ratio of each to the mean of both photos is kept. `zooms` are the
     factors on it to try. `mean_prior` is the inverse variance of its logarithm.
@@ -347,7 +336,7 @@ def _estimate_zoom(
     return min((_refine_zoom(matches, scaled, z, mean_prior) for z in zooms), key=lambda t: _zoom_cost(matches, t))
 
 
-def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean_prior: float) -> _ZoomedPair:
+def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean_prior: float) -> _PairFit:
     """The nearest optimum to both focal lengths times a zoom."""
     started = ransac_rotation(matches, focal, [zoom]).rotation
 
@@ -363,10 +352,10 @@ def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean
     scale = INLIER_TOLERANCE * matches.pixel
     fit = least_squares(residuals, np.zeros(5), scale / 2.0, prior, expected)
     errors = np.linalg.norm(fit.residuals.reshape(2, -1, 2), axis=-1)
-    return _ZoomedPair(*parts(fit.parameters), _FIRST @ fit.covariance @ _FIRST.T, np.min(errors, axis=0) < scale)
+    return _PairFit(*parts(fit.parameters), _FIRST @ fit.covariance @ _FIRST.T, np.min(errors, axis=0) < scale)
 
 
-def _zoom_cost(matches: Matches, result: _ZoomedPair) -> float:
+def _zoom_cost(matches: Matches, result: _PairFit) -> float:
     """How far matches are from obeying, those far off counting for ever less (Cauchy)."""
     errors = _transfer_errors(matches.a, matches.b, result.rotation, result.focal) / (
         INLIER_TOLERANCE * matches.pixel / 2.0

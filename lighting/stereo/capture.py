@@ -7,7 +7,7 @@ resembles.
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -114,10 +114,9 @@ _MIN_SPAN = 20.0  # min, the shortest day
 
 
 def _photo_times(
-    folder: Path, photos: list[_DayPhoto], user_input: UserInput
+    photos: list[_DayPhoto], listed: Mapping[str, datetime], user_input: UserInput
 ) -> tuple[NDArray[np.datetime64], set[str]]:
     """UTC times (T,) of the photos, and warnings of their clocks. PhotoError if one is missing."""
-    listed = _listed_times(folder / _TIMES_FILE)
     located = share_location([photo.metadata for photo in photos])
     clocks = [_with_listed_time(m, listed.get(photo.name)) for m, photo in zip(located, photos, strict=True)]
     if user_input.latitude is not None:
@@ -291,7 +290,8 @@ def read_day_photos(
     if len(photos) < _MIN_PHOTOS:
         count = "1 photo" if len(photos) == 1 else f"{len(photos)} photos"
         raise PhotoError(f"{folder} holds {count}; normals need at least {_MIN_PHOTOS} of one day.")
-    times, doubts = _photo_times(folder, photos, user_input)
+    listed = _listed_times(folder / _TIMES_FILE)
+    times, doubts = _photo_times(photos, listed, user_input)
     order = np.argsort(times, kind="stable")
     photos, times = [photos[index] for index in order], times[order]
     _check_same_exposure(photos)
@@ -307,7 +307,7 @@ def read_day_photos(
     heading = next((degrees for degrees in headings if degrees is not None), None)
     focal_length = next((length for photo in photos if (length := _focal_length(photo)) is not None), None)
     varies, moved = _light_varies(images, unclipped), moved_names(gray, names)
-    warnings = (*sorted(doubts), *_day_warnings(folder, photos, lost, varies, moved))
+    warnings = (*sorted(doubts), *_day_warnings(listed, photos, lost, varies, moved))
     return DayPhotos(names, images, times, unclipped, location, heading, focal_length, warnings)
 
 
@@ -372,7 +372,7 @@ def _exclude_clipped(inside: NDArray[np.bool_], photos: list[_DayPhoto]) -> tupl
 
 
 def _day_warnings(
-    folder: Path, photos: Sequence[_DayPhoto], lost: float, varies: bool, moved: Sequence[str]
+    listed: Iterable[str], photos: Sequence[_DayPhoto], lost: float, varies: bool, moved: Sequence[str]
 ) -> Iterator[str]:
     if any(photo.coded for photo in photos):
         yield "JPEG and 8-bit photos count as sRGB: the camera's own curve bends normals."
@@ -381,9 +381,7 @@ def _day_warnings(
     if lost:
         yield f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out."
     names = {photo.name for photo in photos}
-    yield from (
-        f"{_TIMES_FILE} lists {n}, which is not there." for n in _listed_times(folder / _TIMES_FILE) if n not in names
-    )
+    yield from (f"{_TIMES_FILE} lists {name}, which is not there." for name in listed if name not in names)
     if not varies:
         yield "All brightens and darkens alike: unless the thing is flat, its normals are worthless."
     if moved:

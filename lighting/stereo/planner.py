@@ -195,11 +195,12 @@ def plan_photos(skies: PlanSkies, question: PlanRequest, progress: DayProgress =
     if isinstance(skies, MeasuredSkies):
         files = skies.days()
         return make_plan(list(files), lambda day, _: _read_day(day, files[day]), question, progress=progress)
-    location, weather, modelled = skies.location, skies.sky, days_between(skies.first, skies.last)
-    reference = clear_brightness(location, modelled)
-    return make_plan(
-        modelled, lambda day, coarse: modelled_day(location, day, weather, coarse=coarse), question, reference, progress
-    )
+    location, weather, days = skies.location, skies.sky, days_between(skies.first, skies.last)
+
+    def read(day: date, coarse: bool) -> SkyDay:
+        return modelled_day(location, day, weather, coarse=coarse)
+
+    return make_plan(days, read, question, clear_brightness(location, days), progress)
 
 
 def plan_record(skies: PlanSkies, plan: Plan) -> Json:

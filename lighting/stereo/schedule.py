@@ -162,10 +162,13 @@ class Window:
 
     def to_dict(self) -> Json:
         """As JSON, times by the clock of the place."""
-        numbers = ("error", "gain", "rotation_free_gain")
         return {
-            **{"hours": self.hours, "start": format_clock(self.start), "end": format_clock(self.end)},
-            **{name: _round_finite(getattr(self, name)) for name in numbers},
+            "hours": self.hours,
+            "start": format_clock(self.start),
+            "end": format_clock(self.end),
+            "error": _round_finite(self.error),
+            "gain": _round_finite(self.gain),
+            "rotation_free_gain": _round_finite(self.rotation_free_gain),
             "orientations": [orientation.to_dict() for orientation in self.orientations],
         }
 
@@ -384,8 +387,8 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
         free_gain = float(np.median(rotation_free_gain(light[:, moments])))
         orientations = tuple(_predict_orientations(day, moments, question, scale))
         over_sphere = _half_sphere_normals(question.facing, _SPHERE_SIZE).reshape(-1, 3)
-        gains = gain_from_inverse(_gram_inverses(day, moments, over_sphere, scale)).max(axis=-1)
-        sphere = np.asarray(np.median(gains, axis=1).reshape(_SPHERE_SIZE, _SPHERE_SIZE))
+        sphere_gains = gain_from_inverse(_gram_inverses(day, moments, over_sphere, scale)).max(axis=-1)
+        sphere = np.asarray(np.median(sphere_gains, axis=1).reshape(_SPHERE_SIZE, _SPHERE_SIZE))
         yield Window(hours, start, end, error, gain, free_gain, orientations, sphere)
 
 

@@ -382,10 +382,8 @@ class Clip:
         """What is known of the clip, once its form is found."""
         tags = {**_readable(self._stream.metadata), **_readable(self._container.metadata)}
         in_clip = self._container.streams.subtitles
-        subtitles, xml = (
-            read_subtitles(self.path) or (_track_subtitles(self.path) if in_clip else []),
-            read_xml(self.path),
-        )
+        subtitles = read_subtitles(self.path) or (_track_subtitles(self.path) if in_clip else [])
+        xml = read_xml(self.path)
         warning: CodedWarning | None = None
         if not self.form.curve:
             curve, warning = find_log_curve(tags, subtitles, xml)

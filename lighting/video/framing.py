@@ -67,7 +67,7 @@ class ClipForm:
     """Sentences for people."""
 
 
-def find_framing(samples: Sequence[Pixels], size: tuple[int, int], curve: Curve | None = None) -> ClipForm:
+def find_framing(samples: Sequence[Pixels], size: tuple[int, int], curve: Curve | None) -> ClipForm:
     """Find a clip's border and the lettering in it.
 
     Args:

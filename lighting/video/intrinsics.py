@@ -11,7 +11,6 @@ do.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 
 import numpy as np
 
@@ -100,8 +99,8 @@ def _lens_rotations(tracked: ShotObservations) -> Iterator[RelativeRotation | No
         yield match_keyframes(a, b, None)
     if len(pairs) < MIN_PAIRS:
         distant = [m for step in _distant_frames(tracked) if len(m := step.matches)]
-        moved = [np.median(np.linalg.norm(m.b - m.a, axis=1)) > MIN_MEDIAN_MOTION for m in distant]
-        for matches in list(compress(distant, moved))[-MIN_PAIRS:]:
+        moved = [m for m in distant if np.median(np.linalg.norm(m.b - m.a, axis=1)) > MIN_MEDIAN_MOTION]
+        for matches in moved[-MIN_PAIRS:]:
             yield estimate_rotation(matches, tracked.size, tracked.size)
 
 

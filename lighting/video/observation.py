@@ -143,7 +143,8 @@ class DissolveDetector:
         for lag in LAGS:
             if len(self._kept) <= 2 * lag or (middle := self._kept[-1 - lag]).number % (lag // LAGS[0]) != 0:
                 continue
-            is_other = bool(self._mixed) and middle.number > max(self._mixed) + _MAX_UNMIXED  # this one is told first
+            # The pending one is told first: until then another one does not count.
+            is_other = bool(self._mixed) and middle.number > max(self._mixed) + _MAX_UNMIXED
             if not is_other and self._is_mixed(self._kept[-1 - 2 * lag].even, middle.even, compared.even):
                 self._mixed.append(middle.number)
         is_over = bool(self._mixed) and compared.number - max(self._mixed) > _MAX_UNMIXED + LAGS[-1]

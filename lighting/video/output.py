@@ -21,6 +21,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -278,19 +279,24 @@ class _ShotMap:
         light = self.light
         north = light.camera_heading or 0.0
         yaw, adjusted = float(wrap_azimuth(north + self.heading)), DEFAULT_MAP.adjustments  # the light is already
-        rendered = render_map(self._light_seen(), replace(self.view, adjustments=adjusted, yaw=yaw), self.context)
+        rendered = render_map(self._light_seen, replace(self.view, adjustments=adjusted, yaw=yaw), self.context)
         return replace(rendered, lighting=rotate_lighting(light, north) if north else light)
 
-    @property
+    @cached_property
     def light(self) -> Lighting:
         """The shot's light as the user adjusts it, for its first camera."""
         return shot_lighting(self.shot, self.view.adjustments)
 
     def frame_lights(self, number: int) -> Iterator[FrameLight]:
         """The records of the frames, their light probes those of light and place; shots are numbered from 1."""
-        view, seen = self.view, self._light_seen()
-        probe = compute_light_probe(seen, self.context, sun=view.sun, yaw=self.heading)
+        view = self.view
+        probe = compute_light_probe(self._light_seen, self.context, sun=view.sun, yaw=self.heading)
         return frame_lights(self.shot, number, view.adjustments, view.sun, probe.coefficients)
+
+    @cached_property
+    def sky(self) -> Image:
+        """What `render_sky` returns at the height of the maps."""
+        return self.render_sky(self.view.height)
 
     def render_sky(self, height: int) -> Image:
         """Render the map (H, 2H, 3) as the camera at `heading` sees it, without the sun's disc.
@@ -298,23 +304,25 @@ class _ShotMap:
         Args:
             height: H, rows of the map.
         """
-        return render_view(self._light_seen(), height, sun=self.view.sun, context=self.context, disc=False)[0]
+        return render_view(self._light_seen, height, sun=self.view.sun, context=self.context, disc=False)[0]
 
-    def turn_to_frame(self, sky: Image, frame: FrameLight) -> Image:
-        """Return the map (H, 2H, 3) of one frame.
+    def render_frame(self, frame: FrameLight) -> Image:
+        """Render the map (H, 2H, 3) of one frame.
 
         Args:
-            sky: (H, 2H, 3), of `render_sky`.
             frame: its light.
         """
         light = frame.lighting
+        if self.context is None:
+            return render(light, self.view.height, sun=self.view.sun)
         gain = np.asarray(radiance_gain(light, np.array(frame.gain)), dtype=np.float32)
-        image = rotate_envmap(sky, self.heading - (light.relative_heading or 0.0)) * gain
+        image = rotate_envmap(self.sky, self.heading - (light.relative_heading or 0.0)) * gain
         cap_map(image, light)
         if light.sun_painted if self.view.sun is None else self.view.sun:
             add_sun(image, light)
         return image
 
+    @cached_property
     def _light_seen(self) -> Lighting:
         """The light as the camera at `heading` sees it."""
         shot = self.shot
@@ -414,7 +422,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
         OSError: a file cannot be read or written.
     """
     result, lights, skies = VideoResult(), dict[int, FrameLight](), dict[int, _ShotSky]()
-    scene_error: SceneError | OSError | None = None  # is raised when the records are whole
+    scene_error: SceneError | VideoError | OSError | None = None  # is raised when the records are whole
     name, options, view = escape_undecodable(str(job.source)), job.options, job.options.view
     with Clip(job.source, curve=job.curve) as clip:
         ClipMetadata.of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
@@ -439,15 +447,15 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
                 shot_map.render_world().write(job.folder / f"shot-{number}.exr")
                 if options.frames_exr:
                     _write_frame_maps(job, shot_map, of_shot)
-                wants_scene = options.tool is not None and scene_error is None
-                if wants_scene and (plate := read_plate(int(shot.frames[0]))) is not None:
+                if options.tool is not None and scene_error is None:
                     try:
-                        with trace_step("encode"):
+                        if (plate := read_plate(int(shot.frames[0]))) is not None:
                             result.scene_warnings[number] = _write_scene(job, number, shot_map, plate, clip)
-                    except (SceneError, OSError) as error:
+                    except (SceneError, VideoError, OSError) as error:
                         scene_error = error
                 if options.film and shot_map.context is not None:
                     skies[number] = _ShotSky(shot_map.render_sky(FILM_MAP_HEIGHT), shot_map.heading)
+                del shot_map  # which holds a map as large as those written
         result.damage = clip.damage
     (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
     if scene_error is not None:
@@ -461,15 +469,11 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
 
 def _write_frame_maps(job: VideoJob, shot_map: _ShotMap, lights: Sequence[FrameLight]) -> None:
     """Write a map a frame; all show the same place."""
-    view, folder = shot_map.view, job.folder / FRAMES_FOLDER
+    folder = job.folder / FRAMES_FOLDER
     folder.mkdir(exist_ok=True)
-    sky = None if shot_map.context is None else shot_map.render_sky(view.height)
     for light in lights:
         with trace_step("map"):
-            if sky is None:
-                picture = render(light.lighting, view.height, sun=view.sun)
-            else:
-                picture = shot_map.turn_to_frame(sky, light)
+            picture = shot_map.render_frame(light)
         with trace_step("encode"):
             write_envmap(folder / f"{light.frame:06d}.exr", picture, light.lighting, probe=light.probe)
 
@@ -492,6 +496,7 @@ def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> tu
     return tuple(path.relative_to(job.folder).as_posix() for path in old)
 
 
+@trace_step("encode")
 def _write_scene(
     job: VideoJob, number: int, shot_map: _ShotMap, plate: NDArray[np.uint8], clip: Clip
 ) -> tuple[str, ...]:
@@ -509,8 +514,7 @@ def _write_scene(
     scene = make_scene(Photo(plate, width, height, "PNG"), shot_map.light, map_height=view.height, sun=view.sun)
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
     if shot_map.context is not None:
-        sky = rotate_envmap(shot_map.render_sky(view.height), shot_map.heading)
-        scene = replace(scene, environment=sky)
+        scene = replace(scene, environment=rotate_envmap(shot_map.sky, shot_map.heading))
     write_scene(scene, tool, folder, overwrite=True)
     rate = clip.info.frame_rate or 30.0
     behind = os.path.relpath(job.source, folder) if clip.form.crop is None else ""  # with a border it would lie askew

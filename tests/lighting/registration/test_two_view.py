@@ -19,8 +19,8 @@ from lighting.registration.two_view import (
     RelativeRotation,
     _epipolar_inliers,
     _estimate_zoom,
+    _PairFit,
     _sampson,
-    _ZoomedPair,
     essential_motion,
     estimate_rotation,
 )
@@ -55,6 +55,7 @@ def test_the_turn_and_the_way_are_found() -> None:
     matched = matches(A, B, 50.0, step=STEP)
     estimated = essential_motion(matched, (FOCAL, FOCAL), [1.0], 1e6)
     assert estimated is not None
+    assert estimated.translation is not None
     assert np.degrees(np.linalg.norm(rotation_vector(estimated.rotation @ relative_rotation(A, B).T))) < 0.3
     way = camera_from_world(*B) @ (-np.array(STEP) / np.linalg.norm(STEP))
     assert abs(estimated.translation @ way) > np.cos(np.radians(3.0))
@@ -164,7 +165,7 @@ def matched(second: float, noise: float = 0.3, count: int = 300) -> Matches:
     return Matches(first, other, PIXEL)
 
 
-def estimated(second: float, noise: float = 0.3) -> _ZoomedPair:
+def estimated(second: float, noise: float = 0.3) -> _PairFit:
     return _estimate_zoom(matched(second, noise), (GUESS, GUESS), ZOOMS, 1.0)
 
 

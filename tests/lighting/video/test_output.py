@@ -23,7 +23,7 @@ import lighting.photo_estimate as photo_estimate
 from lighting.cli import cli
 from lighting.color import SRGB_LINEAR
 from lighting.envmap.relighting import rotate_envmap
-from lighting.errors import ParameterError
+from lighting.errors import ParameterError, VideoError
 from lighting.files import write_envmap
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import Pinhole, camera_axes, camera_directions, latlong_pixel
@@ -243,6 +243,19 @@ def test_a_scene_that_cannot_be_written_loses_no_record(clip: Path, network: Pat
     assert (folder / "shot-1-usd").read_text() == "mine"
     assert (folder / "shot-1.exr").is_file()
     assert records(folder)
+
+
+def test_a_plate_that_cannot_be_read_loses_no_record(
+    clip: Path, network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(_index: int) -> None:
+        raise VideoError("The clip is gone.")
+
+    monkeypatch.setattr(output, "_read_frames", lambda *_: nullcontext(read))
+    result = run(clip, "-o", tmp_path / "o", "--model", network, "--for", "usd")
+    assert result.exit_code == 1
+    assert "The clip is gone." in result.stderr
+    assert records(tmp_path / "o")
 
 
 def test_overwriting_removes_the_maps_of_the_clip_before_and_nothing_of_the_users(
