@@ -105,8 +105,11 @@ class LightingError(Exception):
 
     def __new__(cls, text: str = "", field: str | None = None, code: ErrorCode | None = None) -> Self:  # noqa: ARG004
         """Make an error, which about a wrong type is a TypeError, too."""
-        type_errors = [kind for kind in cls.__subclasses__() if issubclass(kind, TypeError)]
-        return super().__new__(type_errors[0] if type_errors and code is ErrorCode.WRONG_TYPE else cls, text)
+        kind = cls
+        if code is ErrorCode.WRONG_TYPE:
+            ours = (other for other in cls.__subclasses__() if other.__module__ == __name__)
+            kind = next((other for other in ours if issubclass(other, TypeError)), cls)
+        return super().__new__(kind, text)
 
     def __init__(self, text: str, field: str | None = None, code: ErrorCode | None = None) -> None:
         super().__init__(text)

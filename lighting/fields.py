@@ -97,6 +97,7 @@ _RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a L
     "spot_direction": "ground.spot.direction",
     **{name: name for name in ("suitable", "trust", "evidence", "warnings")},
 }
+_SECTIONS = {name: path.split(".") for name, path in _RECORD_PATHS.items()}  # and the name in the last one
 _DERIVED = ("sun_direction", "trust")  # by the record from the others
 _NEEDED = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
 _LISTS = ("camera_heading_probability", *COLOR_RANGES, "spot_pixel", "spot_direction")  # of numbers
@@ -315,11 +316,10 @@ def nest_fields(values: Json) -> Json:
         values: of the fields, by name; `sun_direction` and `trust` too.
     """
     record: Json = {}
-    for attribute, path in _RECORD_PATHS.items():
+    for attribute, (*sections, name) in _SECTIONS.items():
         value = values[attribute]
         if value is None or (value == () and attribute not in ("evidence", "warnings")):
             continue
-        *sections, name = path.split(".")
         group = record
         for section in sections:
             group = group.setdefault(section, {})
@@ -348,8 +348,7 @@ def flatten_record(record: Mapping[str, Any]) -> Json:
         sentence = f"A lighting record must be an object, not {reprlib.repr(record)}."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
     values: Json = {}
-    for attribute, path in _RECORD_PATHS.items():
-        *sections, name = path.split(".")
+    for attribute, (*sections, name) in _SECTIONS.items():
         group = record
         for section in sections:
             group = _section(group, section)

@@ -401,7 +401,7 @@ class SceneQuery(ViewQuery, _ToolQuery):
         return self
 
     def options(self) -> Mapping[str, str]:
-        """The options of the tool's writer."""
+        """The options that the tool's `encode` takes."""
         return self.model_dump(
             include={name for name, option in EXPORTERS[self.tool].options.items() if option.choices}
         )

@@ -80,7 +80,7 @@ def format_record(
     probe: "LightProbe | None" = None,
     crop: "PhotoCrop | None" = None,
 ) -> str:
-    """Return a photo's light as a line of JSON.
+    """Return a photo's light, or why it has none, as a line of JSON.
 
     Args:
         name: of the photo.

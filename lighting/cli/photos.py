@@ -304,19 +304,16 @@ def photo_estimator(
     return lambda name: estimator(console.read_photo_file(name), user_input)
 
 
-def estimate_file(
-    name: str, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
-) -> "Estimate":
+def estimate_file(name: str, user_input: "UserInput", model: str | None) -> "Estimate":
     """Do what `estimate_alone` does; errors name the file.
 
     Args:
         name: of the photo's file; "-" is stdin.
         user_input: what the user states of it.
         model: a network's file; None is the one in this package.
-        meanwhile: what to do while the network runs.
     """
     with console.prefix_errors(name):
-        return estimate_alone(name, user_input, model, meanwhile)
+        return estimate_alone(name, user_input, model)
 
 
 def estimate_alone(

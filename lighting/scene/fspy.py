@@ -10,8 +10,8 @@ import struct
 import numpy as np
 
 from lighting.fields import Json
-from lighting.files.deflate import encode_png
 from lighting.geometry import Floats, to_z_up
+from lighting.scene import PLATE
 from lighting.scene.records import Scene
 from lighting.scene.writer import Files, encode_json, encode_shared_files
 
@@ -30,9 +30,10 @@ def encode_fspy(scene: Scene) -> Files:
     camera = _camera(scene)
     settings = {"referenceDistanceUnit": "Meters", "referenceDistance": scene.lighting.camera_height}
     state = json.dumps({"cameraParameters": camera, "calibrationSettingsBase": settings}).encode()
-    plate = encode_png(scene.plate)
+    shared = encode_shared_files(scene)
+    plate = shared[PLATE]
     header = struct.pack("<4sIII", b"fspy", _VERSION, len(state), len(plate))
-    return {**encode_shared_files(scene), _CAMERA: encode_json(camera), _PROJECT: header + state + plate}
+    return {**shared, _CAMERA: encode_json(camera), _PROJECT: header + state + plate}
 
 
 def _camera(scene: Scene) -> Json:

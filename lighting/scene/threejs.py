@@ -40,7 +40,7 @@ def encode_threejs(scene: Scene) -> Files:
         scene: made by `make_scene`.
     """
     note = "Drop a .glb file to see it in this light; click on the ground to move it."
-    return {PAGE: _fill_page(_description(scene), note)}
+    return {PAGE: _fill_page(_description(scene, _png_url(encode_png(scene.plate))), note)}
 
 
 def encode_page(scene: Scene) -> Files:
@@ -51,11 +51,10 @@ def encode_page(scene: Scene) -> Files:
     """
     rows = min(_MAP_HEIGHT, len(scene.environment))
     light = replace(scene, environment=shrink_envmap(scene.environment, rows))
-    numbers = _description(light) | {"object": "teapot"}
+    numbers = _description(light, "") | {"object": "teapot"}
     for side, quality in _SIZES:
-        page = _fill_page(
-            numbers | {"plate": _jpeg_url(scene.plate, side, quality)}, "Drag the teapot, or tap the ground."
-        )
+        plate = _jpeg_url(scene.plate, side, quality)
+        page = _fill_page(numbers | {"plate": plate}, "Drag the teapot, or tap the ground.")
         if len(page) <= MAX_SENT_BYTES:
             break
     return {SENT_PAGE: page}
@@ -78,7 +77,7 @@ def _fill_page(numbers: Json, note: str) -> bytes:
     return fill_template("viewer.html", parts)
 
 
-def _description(scene: Scene) -> Json:
+def _description(scene: Scene, plate: str) -> Json:
     """The values that viewer.js reads, in meters and degrees; three.js has the frame of geometry.py."""
     placeholder = scene.placeholder
     color, intensity = color_and_intensity(scene.sun_irradiance)
@@ -100,7 +99,7 @@ def _description(scene: Scene) -> Json:
         "stickHeight": placeholder.stick_height,
         "stickRadius": placeholder.stick_radius,
         "albedo": PLACEHOLDER_ALBEDO,
-        "plate": _png_url(encode_png(scene.plate)),
+        "plate": plate,
         "litGround": _png_url(encode_lit_ground(scene, movable=True)),
         "ground": _png_url(encode_ground_mask(scene)),
         "environment": b64encode(

@@ -56,11 +56,11 @@ def write_scene(
     target = check_scene_target(tool, folder, overwrite=overwrite)
     try:
         files = _encode(scene, tool, options)
+        _check_other_scenes(files, target, tool)
         with _temporary_folder(target) as built:
             for name, data in files.items():
                 (built / name).write_bytes(data)
             if target.is_dir():
-                _check_other_scenes(files, target, tool)
                 for name in sorted(files):
                     (built / name).replace(target / name)
             else:
@@ -310,7 +310,7 @@ def read_data(name: str) -> bytes:
 
 
 def fill_template(name: str, values: Mapping[str, object]) -> bytes:
-    """The text of a file in lighting/data/ with its $placeholders replaced.
+    """What a text in lighting/data/ holds with its $placeholders replaced.
 
     Args:
         name: of the file.

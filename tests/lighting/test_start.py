@@ -103,7 +103,7 @@ class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
         sum(range(10))
-photos.estimate_file(sys.argv[1], UserInput(), None, lambda: Lost() and None)
+photos.estimate_alone(sys.argv[1], UserInput(), None, lambda: Lost() and None)
 """
 
 
