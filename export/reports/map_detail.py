@@ -530,7 +530,7 @@ def _measure_map(file: Path, render: Render, features: Features) -> _Measured:
     plain = _render_plain(view.lighting, view.context)
     photo = project_photo(view.lighting, view.context.photo, MAP_ROWS)
     hidden = np.zeros(image.shape[:2], np.bool_)
-    hidden[photo.rows, photo.columns] = photo.whole.weight > 0
+    hidden[photo.rows, photo.columns] = photo.whole.weight[..., 0] > 0
     sun = view.lighting.sun_direction if view.lighting.sun_painted else None
     write_exr(stream := io.BytesIO(), image, view.lighting)
     figures = {

@@ -111,11 +111,7 @@ class AddedDetail:
         else:
             for columns in latlong.column_blocks(self._library.height, len(image)):
                 image[:, columns] *= self._make(columns, first, len(image))
-        half = image.shape[1] // 4
-        for start, cells in zip((0, half), np.split(self.gains, 2), strict=True):
-            top, bottom = max(first, start), min(first + len(image), start + half)
-            if top < bottom:
-                latlong.multiply_cells(image[top - first : bottom - first], cells, top - start, half)
+        latlong.multiply_cells(image, self.gains, first)
 
     def limit(self, ceiling: Image) -> bool:
         """Bring the sky's detail under a ceiling; return False if it is.
@@ -228,7 +224,7 @@ def add_detail(
         cells = _pool(fine_cells, DETAIL_ROWS)
         _keep_moments(gains, before, cells, open_share, _limit_gains(gains, cells, limit))
     fine_gains = np.ones_like(fine_cells)
-    list(map(latlong.multiply_cells, np.split(fine_gains, 2), np.split(gains, 2)))
+    latlong.multiply_cells(fine_gains, gains)
     fine_gains *= _hand_over(fine_cells * fine_gains, fine, *_BAND_DEG)
     detail.gains = fine_gains
     detail.multiply(image)

@@ -222,22 +222,25 @@ def scale_colors(image: Image, gain: Floats, columns: slice | None = None) -> No
     rows *= np.tile(np.asarray(gain, dtype=np.float32), rows.shape[1] // 3)
 
 
-def multiply_cells(image: Image, cells: Image, first: int = 0, height: int | None = None) -> None:
-    """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centers.
+def multiply_cells(image: Image, cells: Image, first: int = 0) -> None:
+    """Multiply rows of a map (R, 2H, 3), contiguous in memory, by cells (r, 2r, 3), linear between their centers.
 
-    Columns wrap and rows end. A few rows at once lie between few rows of cells, and only those count for them.
+    Columns wrap and rows end, at the horizon too. A few rows at once lie between few rows of cells, and only those
+    count for them.
 
     Args:
         image: changed in place.
-        cells: factors on a grid of the same directions.
-        first: of the rows of the cells' directions that the image has.
-        height: rows of the map in the cells' directions; None: the image has all of them.
+        cells: factors on a grid of the map's directions.
+        first: of the map's rows that the image has.
     """
     rows, width = image.shape[:2]
-    wide = widen_cells(cells, width, slice(0, width))
-    flat = image.reshape(rows, -1)
-    for band, near, shares in _interpolation_bands(height or rows, len(cells), False, first, first + rows):
-        flat[band] *= shares @ wide[near]
+    half, flat = width // 4, image.reshape(rows, -1)
+    for start, part in zip((0, half), np.split(cells, 2), strict=True):
+        top, bottom = max(first, start), min(first + rows, start + half)
+        if top < bottom:
+            wide, strip = widen_cells(part, width, slice(0, width)), flat[top - first : bottom - first]
+            for band, near, shares in _interpolation_bands(half, len(part), False, top - start, bottom - start):
+                strip[band] *= shares @ wide[near]
 
 
 def widen_cells(cells: Image, width: int, columns: slice) -> Image:

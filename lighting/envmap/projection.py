@@ -42,20 +42,10 @@ class ProjectedPhoto:
     """Of the map, from 0, that this reaches."""
     linear: Image
     """Linear, (R, C, 3)."""
-    weight: NDArray[np.float32]
-    """(R, C) 1 inside the photo, 0 outside it."""
-
-    @cached_property
-    def channel_weight(self) -> NDArray[np.float32]:
-        """`weight` of each channel (R, C, 3), since numpy takes ten times as long with an innermost axis of 1."""
-        return self.weight[..., None].repeat(3, axis=2)
-
-    @cached_property
-    def clipped(self) -> NDArray[np.bool_] | None:
-        """Where a channel is clipped (R, C, 3); None: nowhere."""
-        red, green, blue = np.moveaxis(self.linear > CLIPPED, -1, 0)
-        clipped = red | green | blue
-        return clipped[..., None].repeat(3, axis=2) if clipped.any() else None
+    weight: Image
+    """(R, C, 3) 1 inside the photo, 0 outside it; alike in all channels."""
+    clipped: NDArray[np.bool_]
+    """(R, C, 3) whether any channel is clipped."""
 
     def over(self, window: Image, gain: float) -> Image:
         """Its linear values (R, C, 3) times a gain. Where it is clipped and the map brighter, the map's value counts.
@@ -65,9 +55,7 @@ class ProjectedPhoto:
             gain: over 0.
         """
         linear = self.linear * np.float32(gain)
-        if self.clipped is not None:
-            np.maximum(linear, window, out=linear, where=self.clipped)
-        return linear
+        return np.asarray(np.maximum(linear, window, out=linear, where=self.clipped))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +104,7 @@ class PhotoProjection:
         by_photo, behind = np.zeros(3), np.zeros(3)  # as were all columns one
         for columns in self.blocks:
             if (part := self.block(columns, half)) is not None:
-                level = np.asarray(levels[part.rows], dtype=np.float32)[:, None, None] * part.channel_weight
+                level = np.asarray(levels[part.rows], dtype=np.float32)[:, None, None] * part.weight
                 window = image[part.rows, part.columns]
                 by_photo += _sum_product(level, part.over(window, gain))
                 behind += _sum_product(level, window)
@@ -147,7 +135,7 @@ class PhotoProjection:
             linear = part.over(window, gain)
             scale_colors(image, scale.rest, columns)
             linear -= window
-            linear *= part.channel_weight
+            linear *= part.weight
             window += linear
         if scale.whole is not None:
             scale_colors(image, scale.whole)
@@ -170,11 +158,9 @@ class PhotoProjection:
             return None
         if len(self.blocks) > 1:
             return self._pixels(slice(top, bottom), slice(left, right))
-        if (top, bottom) not in self._parts:
-            part, whole = slice(top - self.rows.start, bottom - self.rows.start), self.whole
-            kept = replace(whole, rows=slice(top, bottom), linear=whole.linear[part], weight=whole.weight[part])
-            self._parts[top, bottom] = kept
-        return self._parts[top, bottom]
+        part = slice(top - self.rows.start, bottom - self.rows.start)
+        values = self.whole.linear[part], self.whole.weight[part], self.whole.clipped[part]
+        return ProjectedPhoto(slice(top, bottom), self.columns, *values)
 
     def covered_share(self, rows: int) -> Image:
         """How much (R, 2R, 1) of each of a map's cells it covers.
@@ -187,14 +173,9 @@ class PhotoProjection:
             weight = np.zeros((self.height, columns.stop - columns.start, 1), np.float32)
             if (block := self.block(columns)) is not None:
                 left, right = block.columns.start - columns.start, block.columns.stop - columns.start
-                weight[block.rows, left:right, 0] = block.weight
+                weight[block.rows, left:right] = block.weight[..., :1]
             shares.append(shrink_axis(weight, 0, rows))
         return shrink_axis(np.concatenate(shares, axis=1), 1, 2 * rows)
-
-    @cached_property
-    def _parts(self) -> dict[tuple[int, int], ProjectedPhoto]:
-        """Of a small map: its first and last rows, and its pixels in them."""
-        return {}
 
     @cached_property
     def whole(self) -> ProjectedPhoto:
@@ -209,7 +190,11 @@ class PhotoProjection:
         column = np.clip((x + 1) * np.float32(width / 2), 0, width - 1).astype(np.intp)
         pixels = self.picture.reshape(-1, 3).take(row * width + column, axis=0)
         ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(_FEATHER), 0, 1)
-        return ProjectedPhoto(rows, columns, SRGB_LINEAR.take(pixels), ramp * ramp * (3 - 2 * ramp))
+        linear, weight = SRGB_LINEAR.take(pixels), ramp * ramp * (3 - 2 * ramp)
+        clipped = max_channel(linear) > CLIPPED
+        # both of each channel, since numpy takes ten times as long with an innermost axis of 1
+        weight, clipped = weight[..., None].repeat(3, axis=2), clipped[..., None].repeat(3, axis=2)
+        return ProjectedPhoto(rows, columns, linear, weight, clipped)
 
 
 def _sum_product(weight: Image, image: Image) -> Floats:

@@ -200,9 +200,9 @@ def _lay_photo(
     """
     scales = []
     levels = row_irradiance(len(image))
-    for number, (rows, target) in enumerate(zip(_halves(len(image)), targets, strict=True)):
-        if factors is not None:
-            multiply_cells(image[rows], np.split(factors, 2)[number])
+    if factors is not None:
+        multiply_cells(image, factors)
+    for rows, target in zip(_halves(len(image)), targets, strict=True):
         now = irradiance_from_rows(levels[rows], image[rows])
         scales.append(photo.measure(image, rows, now, target, gain, shown=shown))
         photo.lay(image[rows], rows, scales[-1], gain, shown=shown)
@@ -256,7 +256,7 @@ def render_strips(
             part = image[rows.start - first : rows.stop - first]
             render_rows(part, rows.start, lighting, sun=sun, gain=sky_gain)
             if layers is not None and photo is not None:
-                multiply_cells(part, np.split(layers.cells, 2)[number], rows.start - half.start, height // 2)
+                multiply_cells(part, layers.cells, rows.start)
                 photo.lay(part, rows, layers.scales[number], gain, shown=detail is None)
                 if detail is not None:
                     detail.multiply(part, rows.start)
@@ -365,9 +365,7 @@ def _surroundings_factors(bare: Image, lighting: Lighting, context: PhotoContext
     """Factors (_CELL_ROWS, 2 _CELL_ROWS, 3) of panorama and photo on the cells of the bare map."""
     ratio, gain = np.ones_like(bare), context.gain(lighting)
     if context.coarse_panorama is not None:
-        panorama = _panorama_ratio(np.float32(gain) * context.coarse_panorama, bare)
-        for half, cells in zip(np.split(ratio, 2), np.split(panorama, 2), strict=True):  # the horizon does not blend
-            multiply_cells(half, cells)
+        multiply_cells(ratio, _panorama_ratio(np.float32(gain) * context.coarse_panorama, bare))
     return np.asarray(ratio * extrapolate_edges(ratio * bare, context.photo, lighting, gain, context.segments))
 
 

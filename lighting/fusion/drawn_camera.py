@@ -22,7 +22,7 @@ import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES
-from lighting.fusion.marks import DrawnCamera, KnownCamera, LevelLines, Line, Point, Reference
+from lighting.fusion.marks import DrawnCamera, KnownCamera, LevelLines, Line, Point, Reference, move_drawn
 from lighting.geometry import Floats, Pinhole, pixel_ray
 
 _HAND_STD = 0.003  # of an end of a line, as a share of the photo's longer side
@@ -71,7 +71,7 @@ def fit_camera(camera: Pinhole, drawn: DrawnCamera, *, lens_known: bool) -> Pinh
     principal_std = (_PRINCIPAL_STD,) * 2 if drawn.verticals and corners and not lens_known else ()
     change = _least_squares(camera, drawn, corners, np.array([*prior_std, *principal_std]))
     fitted, shift = _change_camera(camera, change), _principal_shift(camera, change)
-    skews = [angle for group in drawn.move(*shift).levels for angle in _skews(fitted, group)]
+    skews = [angle for group in move_drawn(drawn.levels, *shift) for angle in _skews(fitted, group)]
     if max(map(abs, skews), default=0.0) > _MAX_SKEW:
         sentence = (
             "Lines that are said to be level and parallel do not meet on the horizon; draw along edges of one wall."
@@ -91,7 +91,7 @@ def _least_squares(
     """
 
     def residuals(change: Floats) -> Floats:
-        lines, changed = drawn.move(*_principal_shift(camera, change)), _change_camera(camera, change)
+        lines, changed = move_drawn(drawn, *_principal_shift(camera, change)), _change_camera(camera, change)
         turned = [_off_right_angle(changed, lines, *pair) / _CORNER_STD for pair in corners]
         return np.concatenate([change / prior_std, _line_residuals(changed, lines), turned])
 

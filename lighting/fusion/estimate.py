@@ -24,7 +24,7 @@ from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import CodedWarning, WarningCode
 from lighting.fields import clip_to_range, round_significant
 from lighting.fusion.drawn_camera import height_by_reference
-from lighting.fusion.marks import move_mark
+from lighting.fusion.marks import move_drawn
 from lighting.fusion.metadata_prior import MetadataPrior, merge_user_input, observations_single
 from lighting.fusion.single_view import Observations, Posterior, fuse_single_view
 from lighting.fusion.time_zones import resolve_hemisphere
@@ -321,13 +321,12 @@ def estimate_light(photo: Photo, predicted: PhotoPrediction, user_input: UserInp
     observations = _with_drawn(observed.observations, photo, user_input)
     posterior, (left, top) = fuse_single_view(predicted.prediction, observations, photo.pixels), _border(photo)
     if user_input.reference is not None:
-        fused, (x, y), (end_x, end_y) = posterior.prediction, user_input.reference.start, user_input.reference.end
+        fused, moved = posterior.prediction, move_drawn(user_input.reference, -left, -top)
         size = photo.width, photo.height, fused.vertical_fov
         camera = Pinhole(*size, elevation=fused.camera_elevation, roll=fused.camera_roll)
-        moved = replace(user_input.reference, start=(x - left, y - top), end=(end_x - left, end_y - top))
         observed = replace(observed, camera_height=height_by_reference(moved, camera))
     estimate = build_estimate(posterior, observed)
-    spot = user_input.spot and (user_input.spot[0] - left, user_input.spot[1] - top)
+    spot = move_drawn(user_input.spot, -left, -top)
     estimate = describe_ground(photo, estimate, predicted.prediction, observed.is_aerial, spot)
     return apply_photo_colors([photo], [estimate])[0]
 
@@ -340,8 +339,8 @@ def _with_drawn(observations: Observations, photo: Photo, user_input: UserInput)
     left, top = _border(photo)
     return replace(
         observations,
-        shadows=tuple(move_mark(mark, -left, -top) for mark in user_input.shadows),
-        camera=drawn and drawn.move(-left, -top),
+        shadows=move_drawn(user_input.shadows, -left, -top),
+        camera=move_drawn(drawn, -left, -top),
         picture_size=(photo.width, photo.height),
     )
 

@@ -7,11 +7,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from numbers import Real
+from typing import Any, TypeVar, cast
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import is_finite
 
+_Drawn = TypeVar("_Drawn")
 Point = tuple[float, float]
 Line = tuple[float, float, float, float]
 
@@ -66,24 +68,6 @@ class DrawnCamera:
     """Level edges, one for each direction."""
     known: KnownCamera | None = None
     """In place of lines. None: not known."""
-
-    def move(self, right: float, down: float) -> "DrawnCamera":
-        """Return the same with all lines moved.
-
-        Args:
-            right: pixels.
-            down: pixels.
-        """
-
-        def moved(line: Line) -> Line:
-            return line[0] + right, line[1] + down, line[2] + right, line[3] + down
-
-        return replace(
-            self,
-            horizon=self.horizon and moved(self.horizon),
-            verticals=tuple(map(moved, self.verticals)),
-            levels=tuple(LevelLines(tuple(map(moved, group.lines))) for group in self.levels),
-        )
 
 
 def read_line(text: str, field: str) -> Line:
@@ -280,17 +264,23 @@ def marked_points(mark: ShadowMark) -> list[Point]:
     return [point for point in points if isinstance(point, tuple)]
 
 
-def move_mark(mark: ShadowMark, right: float, down: float) -> ShadowMark:
-    """Return a mark whose points are moved.
+def move_drawn(drawn: _Drawn, right: float, down: float) -> _Drawn:
+    """Return what a person drew with all its points moved.
 
     Args:
-        mark: of any kind.
+        drawn: a point, a line, a record of this module, or a tuple of such; what else it holds stays.
         right: pixels.
         down: pixels.
     """
-    values = {name: getattr(mark, name) for name in mark.__dataclass_fields__}
-    moved: Any = {name: (p[0] + right, p[1] + down) for name, p in values.items() if isinstance(p, tuple)}
-    return replace(mark, **moved)
+    moved: Any = drawn
+    match moved:
+        case (Real(), *_):
+            moved = tuple(value + (down if number % 2 else right) for number, value in enumerate(moved))
+        case tuple():
+            moved = tuple(move_drawn(part, right, down) for part in moved)
+        case _ if names := getattr(moved, "__dataclass_fields__", ()):
+            moved = replace(moved, **{name: move_drawn(getattr(moved, name), right, down) for name in names})
+    return cast(_Drawn, moved)
 
 
 def read_shadow(text: str) -> ShadowMark:

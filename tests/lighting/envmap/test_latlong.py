@@ -153,7 +153,7 @@ def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> 
     light = replace(stated_light(), camera_elevation=elevation, camera_roll=roll)
     seen = project_photo(light, halves(), HEIGHT)
     weight = np.zeros((HEIGHT, 2 * HEIGHT))
-    weight[seen.rows, seen.columns] = seen.whole.weight
+    weight[seen.rows, seen.columns] = seen.whole.weight[..., 0]
     x, y = np.moveaxis(
         camera_pixel(latlong_directions(HEIGHT), Pinhole(80, 60, 50.0, elevation=elevation, roll=roll)), -1, 0
     )
@@ -170,7 +170,7 @@ def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> 
 def test_clipped_pixels_leave_the_brighter_map() -> None:
     seen = project_photo(stated_light(), np.full((60, 80, 3), 255, np.uint8), HEIGHT)
     whole = seen.whole
-    inside, dark = whole.weight > 0.5, DARK[whole.rows, whole.columns]
+    inside, dark = whole.weight[..., 0] > 0.5, DARK[whole.rows, whole.columns]
     assert whole.over(dark + 5, 1.0)[inside] == pytest.approx(5.01)
     assert whole.over(dark, 1.0)[inside] == pytest.approx(1.0)
     assert whole.over(dark, 0.5)[inside] == pytest.approx(0.5)

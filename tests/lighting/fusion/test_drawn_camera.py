@@ -19,6 +19,7 @@ from lighting.fusion.marks import (
     LevelLines,
     Line,
     Reference,
+    move_drawn,
     read_edge,
     read_line,
     read_reference,
@@ -101,7 +102,7 @@ def test_level_edges_of_a_house_give_tilt_and_lens() -> None:
 @pytest.mark.parametrize("cut", [400, 500])
 def test_edges_of_a_cropped_photo_tell_where_its_camera_looked(cut: int) -> None:
     """Whose principal point is not the middle of what is left."""
-    drawn = DrawnCamera(verticals=(vertical(-12.0), vertical(20.0)), levels=HOUSE).move(-cut, 0.0)
+    drawn = move_drawn(DrawnCamera(verticals=(vertical(-12.0), vertical(20.0)), levels=HOUSE), -cut, 0.0)
     guess = replace(GUESS, width=1200 - cut, elevation=-9.0, vertical_fov=45.0)
     fitted = fit_camera(guess, drawn, lens_known=False)
     for x, y in ((0.5, 0.5), (0.5, 0.2), (0.8, 0.8)):
@@ -210,9 +211,13 @@ def test_what_says_nothing_or_contradicts_is_refused(stated: dict[str, object]) 
 
 
 def test_drawn_lines_move_with_the_border() -> None:
-    assert DrawnCamera((1.0, 2.0, 3.0, 4.0), ((5.0, 6.0, 7.0, 8.0),)).move(-1.0, 10.0) == DrawnCamera(
-        (0.0, 12.0, 2.0, 14.0), ((4.0, 16.0, 6.0, 18.0),)
-    )
+    known = KnownCamera(1.0, 2.0, 50.0)
+    drawn = DrawnCamera((1.0, 2.0, 3.0, 4.0), ((5.0, 6.0, 7.0, 8.0),), known=known)
+    moved = DrawnCamera((0.0, 12.0, 2.0, 14.0), ((4.0, 16.0, 6.0, 18.0),), known=known)
+    assert move_drawn(drawn, -1.0, 10.0) == moved
+    assert move_drawn(Reference((1.0, 2.0), (3.0, 4.0), 1.8), -1.0, 10.0) == Reference((0.0, 12.0), (2.0, 14.0), 1.8)
+    assert move_drawn((1, 2), -1.0, 10.0) == (0, 12)
+    assert move_drawn(None, -1.0, 10.0) is None
 
 
 def fspy_json(camera: Pinhole, up: str = "z", principal: tuple[float, float] = (0.0, 0.0)) -> dict[str, object]:

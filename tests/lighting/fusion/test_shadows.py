@@ -13,7 +13,7 @@ from lighting.fusion.marks import (
     ShadowLine,
     ShadowMark,
     check_marks,
-    move_mark,
+    move_drawn,
     read_shadow,
 )
 from lighting.fusion.shadows import fuse_shadows, implied_azimuth, shadow_likelihood
@@ -223,4 +223,4 @@ def test_marks_are_read_from_text() -> None:
 
 
 def test_a_mark_moves_with_all_of_its_points() -> None:
-    assert move_mark(Shadow((1.0, 2.0), (30.0, 4.0)), 10.0, -1.0) == Shadow((11.0, 1.0), (40.0, 3.0))
+    assert move_drawn(Shadow((1.0, 2.0), (30.0, 4.0)), 10.0, -1.0) == Shadow((11.0, 1.0), (40.0, 3.0))
