@@ -103,6 +103,13 @@ def check_option(record: type, name: str, value: object) -> None:
         raise ParameterError.about(name, predicate, ErrorCode.UNKNOWN)
 
 
+def _check_options(record: Any, *apart: str) -> None:
+    """Raise ParameterError for values that options of a record do not take; None is one that is left open."""
+    for each in fields(record):
+        if "text" in each.metadata and each.name not in apart and (value := getattr(record, each.name)) is not None:
+            check_option(type(record), each.name, value)
+
+
 @dataclass(frozen=True)
 class Adjustments:
     """What a user changes of a light by hand, under the same names everywhere. None: as it was.
@@ -136,9 +143,7 @@ class Adjustments:
                 raise ParameterError.about("sun", predicate, ErrorCode.WRONG_TYPE)
             check_range("sun", self.sun[0], *_SUN_AZIMUTH_RANGE, subject="The sun's azimuth")
             check_range("sun", self.sun[1], *RANGES["sun_elevation"], subject="The sun's elevation")
-        for name in ("exposure", "haze"):
-            if (value := getattr(self, name)) is not None:
-                check_option(Adjustments, name, value)
+        _check_options(self, "pick")
         _check_flag("overcast", self.overcast)
         if self.pick is not None:
             check_option(Adjustments, "pick", str(self.pick))
@@ -210,9 +215,7 @@ class MapOptions:
         convert_numpy_numbers(self, "yaw", "height")
         if isinstance(self.around, Around):
             object.__setattr__(self, "around", self.around.value)
-        for name in ("yaw", "sky", "around", "backdrop"):
-            if (value := getattr(self, name)) is not None:
-                check_option(MapOptions, name, value)
+        _check_options(self)
         if self.backdrop is not None and self.around not in (None, Around.PLACE.value):
             predicate = f'is for around "place", not "{self.around}".'
             raise ParameterError.about("backdrop", predicate, ErrorCode.CONTRADICTION)

@@ -240,6 +240,8 @@ def _uses(piece: Piece, term: str) -> bool:
 def main() -> None:
     """Print the figures of pages and what breaks a rule; exit with 1 where something does."""
     broken = False
+    if unknown := set(sys.argv[1:]) - {*BUDGETS, *BESIDE}:
+        sys.exit(f"{', '.join(sorted(unknown))}: no page that has rules; scripts/book.py lists these.")
     for name in sys.argv[1:] or [name for name in BUDGETS if (ROOT / name).is_file()]:
         text = (ROOT / name).read_text(encoding="utf-8")
         found = find_broken_rules(name)

@@ -90,8 +90,8 @@ router = APIRouter(prefix="/v1", tags=["lighting"], route_class=_TaggedRoute)
 operations_router = APIRouter(tags=["operations"])
 
 
-def _get_of_sky(path: str, summary: str, answer: Json) -> Callable[[DecoratedCallable], DecoratedCallable]:
-    """A route whose answer follows from its parameters alone."""
+def _get_file_of_sky(path: str, summary: str, answer: Json) -> Callable[[DecoratedCallable], DecoratedCallable]:
+    """A route whose answer is a file, and follows from its parameters alone."""
     return router.get(path, summary=summary, response_class=Response, responses={200: answer, **_SKY_ANSWERS})
 
 
@@ -139,7 +139,7 @@ async def _estimate_lightings(
     return JSONResponse({"lightings": records})
 
 
-@_get_of_sky("/envmap", "The environment map of a sky", _MAP_RESPONSE)
+@_get_file_of_sky("/envmap", "The environment map of a sky", _MAP_RESPONSE)
 async def _render_envmap(admission: AdmissionDep, query: Annotated[queries.SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
     return await _answer_from_cache(admission, query, lambda: _answer_map(admission, query.to_lighting(), query))
@@ -158,7 +158,7 @@ async def _estimate_envmap(
     return await _answer_map(admission, source, query)
 
 
-@_get_of_sky("/light-probe", "The light probe of a sky", _PROBE_RESPONSE)
+@_get_file_of_sky("/light-probe", "The light probe of a sky", _PROBE_RESPONSE)
 async def _compute_probe(admission: AdmissionDep, query: Annotated[queries.SkyProbeQuery, Query()]) -> Response:
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
     return await _answer_from_cache(admission, query, lambda: _answer_probe(admission, query.to_lighting(), query))
@@ -230,7 +230,7 @@ async def _plan_day(
     return JSONResponse({"hours": hours, "warnings": study.warnings})
 
 
-@_get_of_sky("/scene", "A scene for another tool, of a sky", _SCENE_RESPONSE)
+@_get_file_of_sky("/scene", "A scene for another tool, of a sky", _SCENE_RESPONSE)
 async def _render_scene(admission: AdmissionDep, query: Annotated[queries.SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a gray picture stands where a photo goes."""
     return await _answer_from_cache(admission, query, lambda: _answer_scene(admission, tasks.zip_scene_of_sky, query))

@@ -29,6 +29,6 @@ def test_a_release_without_its_version_is_refused(heading: str, tag: str | None,
 
 
 def test_the_changelog_is_ready_for_this_version() -> None:
-    notes = release_notes(text(ROOT / "CHANGELOG.md"), __version__, f"v{__version__}")
+    notes = release_notes(text(ROOT / "CHANGELOG.md"), __version__, None)
     assert notes.startswith("- ")
     assert "## " not in notes
