@@ -13,7 +13,6 @@ References:
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from operator import ne
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -136,7 +135,7 @@ def find_layout(pixels: _Bytes) -> Layout:
     box = half or whole
     for _ in range(_MAX_BORDERS):
         pictures = _pictures_on_background(small, box)
-        if not pictures or (len(pictures) == 1 and sum(map(ne, pictures[0], box)) == 1):  # a smooth bar may be plain
+        if not pictures or (len(pictures) == 1 and pictures[0].margins(box).count(0) == 3):  # a smooth bar may be plain
             pictures = _picture_among_smooth_bars(small, gray, box) or pictures
         if len(pictures) > 1:
             return Layout(is_collage=True)

@@ -11,11 +11,9 @@ References:
     [2] RFC 9649, 2.5 to 2.7.
 """
 
+import re
 from collections.abc import Iterator
 from itertools import islice
-
-import numpy as np
-from numpy.typing import NDArray
 
 from lighting.errors import PhotoError
 
@@ -28,9 +26,7 @@ _SOI, _EOI, _SOS, _APP1 = 0xD8, 0xD9, 0xDA, 0xE1
 _SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
 _FRAMES = (*_SEQUENTIAL, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 _DCT = (0xC0, 0xC1, 0xC2)  # what any decoder reads
-_CODES = frozenset((*range(0x02, 0xD0), *range(0xD8, 0xFF)))  # of segments: no stuffed byte, TEM, RST0 to RST7 or fill
-_MIN_SEARCH, _MAX_SEARCH = 1 << 9, 1 << 17  # bytes at once: first few, since segments follow each other closely
-
+_MARKER = re.compile(rb"\xff[\x02-\xcf\xd8-\xfe]")  # of a segment: no stuffed byte, TEM, RST0 to RST7 or fill
 
 # PNG and WebP
 _MAX_CHUNKS = 20_000  # libpng writes 8 KiB each: 64 MB make 7,800
@@ -135,34 +131,10 @@ def frame_size(data: bytes) -> tuple[int, int]:
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
     """Marker and position of each of the first picture's segments; not what they hold, nor what follows EOI."""
-    position = _next_marker(data, 2)
-    while position is not None and (marker := data[position + 1]) not in (_SOI, _EOI):
-        yield marker, position
-        length = int.from_bytes(data[position + 2 : position + 4])
-        position = _next_marker(data, position + 2 + max(2, length))
-
-
-def _next_marker(data: bytes, start: int) -> int | None:
-    """The index of the first 0xFF from `start` on that a marker's code follows."""
-    if start < len(data) - 1 and data[start] == 0xFF and data[start + 1] in _CODES:  # as behind nearly all segments
-        return start
-    view, size = np.frombuffer(data, dtype=np.uint8), _MIN_SEARCH
-    while start < view.size - 1:
-        part = view[start : start + size + 1]
-        marks = (part[:-1] == 0xFF) & (part[1:] != 0)  # rare in a picture, where every 0xFF is stuffed with a 0
-        if marks.any():
-            marks &= _is_code(part[1:])
-            first = int(marks.argmax())
-            if marks[first]:
-                return start + first
-        start, size = start + size, min(2 * size, _MAX_SEARCH)
-    return None
-
-
-def _is_code(values: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Whether each byte after 0xFF is one of _CODES."""
-    below, above = values - np.uint8(0x02), values - np.uint8(0xD8)  # these wrap round: one comparison for two
-    return (below < 0xD0 - 0x02) | (above < 0xFF - 0xD8)
+    end = 2
+    while (found := _MARKER.search(data, end)) and (marker := data[found.end() - 1]) not in (_SOI, _EOI):
+        yield marker, found.start()
+        end = found.end() + max(2, int.from_bytes(data[found.end() : found.end() + 2]))
 
 
 def webp_size(data: bytes) -> tuple[int, int] | None:

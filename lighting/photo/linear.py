@@ -7,8 +7,6 @@ caller knows better. The primaries of an ICC profile are believed: values become
 
 import io
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -22,7 +20,7 @@ from lighting.errors import PhotoError, PhotoExtraError, require_extra
 from lighting.photo.color_encoding import is_gamma_encoded, read_color_encoding
 from lighting.photo.formats import kind_name
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata
-from lighting.photo.pixels import check_bit_depth, gray_16_bit, make_upright
+from lighting.photo.pixels import check_bit_depth, decoder_calls, gray_16_bit, make_upright
 from lighting.photo.sidecars import read_sidecar
 from lighting.photo.tags import read_tags
 from lighting.photo.tiff import open_raw_header, photo_page
@@ -63,10 +61,6 @@ class LinearPhoto:
     """Whether the file says that a curve coded the values which were taken for linear."""
 
 
-class _DecoderError(Exception):
-    """What a decoder raised."""
-
-
 def read_linear(path: str | Path, curve: Curve | None = None, *, upright: bool = False) -> LinearPhoto:
     """The photo in a file. PhotoError where it cannot be read, OSError where it cannot be opened.
 
@@ -82,11 +76,11 @@ def read_linear(path: str | Path, curve: Curve | None = None, *, upright: bool =
     try:
         return _read_picture(file, curve, upright)
     except PhotoError as error:
+        if isinstance(error.__cause__, Image.DecompressionBombError):
+            raise PhotoError(f"{file} has too many pixels to be read.") from error
+        if error.__cause__:  # what a decoder raised
+            raise PhotoError(f"{file} cannot be read as a PNG, TIFF or JPEG picture{_kind_of(file)}.") from error
         raise PhotoError(f"{file}: {error}") from error
-    except Image.DecompressionBombError as error:
-        raise PhotoError(f"{file} has too many pixels to be read.") from error
-    except _DecoderError as error:
-        raise PhotoError(f"{file} cannot be read as a PNG, TIFF or JPEG picture{_kind_of(file)}.") from error
 
 
 def _kind_of(file: Path) -> str:
@@ -137,19 +131,8 @@ def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto
 
 
 def _open(data: bytes) -> Image.Image:
-    with _decoder_calls():
+    with decoder_calls():
         return Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
-
-
-@contextmanager
-def _decoder_calls() -> Iterator[None]:
-    """Calls of decoders alone, which raise nearly anything on hostile bytes: it becomes _DecoderError."""
-    try:
-        yield
-    except (Image.DecompressionBombError, MemoryError):
-        raise
-    except Exception as error:
-        raise _DecoderError from error
 
 
 def _linearize(samples: NDArray[np.integer], coded: bool) -> Pixels:
@@ -177,7 +160,7 @@ def _read_samples(image: Any, data: bytes) -> NDArray[np.integer]:
     modes = {_raw_mode(tile) for tile in image.tile}
     if modes == {_GRAY_ALPHA} and not image.mode.startswith("I"):
         image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
-    with _decoder_calls():
+    with decoder_calls():
         image.load()
     if image.mode.startswith("I"):
         return gray_16_bit(image)[..., None]
@@ -199,7 +182,7 @@ def _low_bytes(data: bytes) -> NDArray[np.uint8]:
     """
     image: Any = _open(data)
     image.tile = [_with_other_byte_order(tile) for tile in image.tile]
-    with _decoder_calls():
+    with decoder_calls():
         image.load()
     return np.asarray(image)[..., :3]
 

@@ -116,7 +116,7 @@ def _palette_residual(position: Floats, colors: Floats) -> float:
 
 def _path_residual(colors: Floats, cell: float) -> float:
     """How far colors (N, 3), in cells [levels], lie from the longest path of their minimum spanning tree: the mean."""
-    cells, counts = _count_rows(np.floor(colors / cell))
+    cells, counts = np.unique(np.floor(colors / cell), axis=0, return_counts=True)
     order = np.argsort(-counts, kind="stable")
     kept = order[: int(np.searchsorted(np.cumsum(counts[order]), _MIN_CELL_SHARE * len(colors))) + 1]
     cells, counts = cell * cells[kept], counts[kept]
@@ -125,15 +125,6 @@ def _path_residual(colors: Floats, cell: float) -> float:
     first, last = np.unravel_index(int(to_all.argmax()), to_all.shape)
     on_path = to_all[first] + to_all[last] <= to_all[first, last] + 1e-6
     return float(np.average(distances[:, on_path].min(axis=1), weights=counts))
-
-
-def _count_rows(rows: Floats) -> tuple[Floats, NDArray[np.intp]]:
-    """The different rows (M, 3) of whole numbers (N, 3) in order, and how often (M,) each is there."""
-    lowest = rows.min(axis=0)
-    numbers = (rows - lowest).astype(np.intp)
-    sizes = numbers.max(axis=0) + 1
-    each, counts = np.unique(np.ravel_multi_index(tuple(numbers.T), tuple(sizes)), return_counts=True)
-    return np.stack(np.unravel_index(each, tuple(sizes)), axis=1) + lowest, counts
 
 
 def _tree_distances(distances: Floats) -> Floats:

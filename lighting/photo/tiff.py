@@ -235,11 +235,12 @@ def _costly_directories(block: bytes | memoryview) -> tuple[bool, list[int]]:
     if (layout := _layout(block)) is None:
         return False, []
     (offset,) = layout.offset.unpack_from(block, layout.offset.size)
-    is_costly, inner = _is_costly(block, offset, layout, _MAX_NUMBER_BYTES)
-    return is_costly, [entry for entry, at in inner if _is_costly(block, at, layout, _MAX_EXIF_NUMBER_BYTES)[0]]
+    is_costly, inner = _examine_directory(block, offset, layout, _MAX_NUMBER_BYTES)
+    verdicts = ((entry, *_examine_directory(block, at, layout, _MAX_EXIF_NUMBER_BYTES)) for entry, at in inner)
+    return is_costly, [entry for entry, is_inner_costly, _ in verdicts if is_inner_costly]
 
 
-def _is_costly(
+def _examine_directory(
     block: bytes | memoryview, offset: int, layout: _Layout, limit: int
 ) -> tuple[bool, list[tuple[int, int]]]:
     """Whether a directory has more tags than photos have, or over `limit` bytes of numbers.
