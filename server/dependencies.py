@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from hashlib import sha256
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -82,7 +81,6 @@ class ServiceMetrics:
 _T = TypeVar("_T")
 
 NO_OPENCV = "The service lacks OpenCV to match photos."
-RESULT_TAG = "lighting_result_tag"  # in a request's scope: bytes that a worker made, and their tag
 ROTATION_INFERRED = "Compasses or light say where each points."
 
 log = logging.getLogger(__name__)
@@ -280,27 +278,10 @@ class Admission:
         def checked() -> _T:
             from_thread.run_sync(self.service.pending.check, client)
             with self.service.tracer.trace_steps() if self.service.tracer else nullcontext():
-                result = work(*arguments)
-            self.request.scope[RESULT_TAG] = _tag_result(result)
-            return result
+                return work(*arguments)
 
         with self.service.limiter.admission(client, _route(self.request), self.body.size) as job:
             return await self.service.limiter.run(job, self.request.receive, checked)
-
-
-def _tag_result(result: object) -> tuple[bytes, str] | None:
-    """The file that is a result, or its first part, and its tag; here since a large one takes a while."""
-    data = result[0] if isinstance(result, tuple) else result
-    return (data, tag_bytes(data)) if isinstance(data, bytes) else None
-
-
-def tag_bytes(data: bytes | memoryview) -> str:
-    """The tag of an answer of these bytes.
-
-    Args:
-        data: the body, as it is sent.
-    """
-    return f'"{sha256(data).hexdigest()[:32]}"'
 
 
 def _route(request: Request) -> str:

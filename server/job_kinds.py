@@ -86,9 +86,13 @@ def run_worker() -> None:
         _answer(answers, {"error": "The job needs more memory than it may have.", "code": "unreadable"})
     except Exception as error:
         told = {"log": escape_undecodable(traceback.format_exc())[-_MAX_LOG:]}
-        if isinstance(error, OSError) and error.errno in DISK_FULL:
+        if _is_disk_full(error):
             told = {"error": "The job needs more disk than it may have, or than there is.", "code": "unreadable"}
         _answer(answers, told)
+
+
+def _is_disk_full(error: Exception) -> bool:
+    return isinstance(error, OSError) and error.errno in DISK_FULL
 
 
 def _as_words(text: str) -> str:
@@ -229,44 +233,34 @@ def _unpack(archive: Path, max_bytes: int) -> list[str]:
         Sentences about photos of one name, which get different ones.
     """
     left, renamed = max_bytes, list[str]()
-    for name, blocks in _read_zip(archive):
-        with _create_file(name) as target:
-            for block in blocks:
-                left -= len(block)
-                if left < 0:
-                    raise _UploadError(f"The ZIP holds more than {max_bytes / 1e6:g} MB of photos.")
-                target.write(block)
-        path = Path(target.name)
-        if path.stem != _path_of(name).stem:
-            renamed.append(f"The ZIP holds {_path_of(name).name} more than once in a folder; one is {path.name} now.")
-    _PHOTOS.mkdir(exist_ok=True)
-    return renamed
-
-
-def _read_zip(archive: Path) -> Iterator[tuple[str, Iterator[bytes]]]:
-    """The name and the blocks of each file in a ZIP."""
     with _zip_errors(), zipfile.ZipFile(archive) as source:
         files = [info for info in source.infolist() if not info.is_dir() and not stat.S_ISLNK(info.external_attr >> 16)]
         if len(files) > MAX_FILES:
             raise _UploadError(f"The ZIP holds {len(files)} files; at most {MAX_FILES} are taken.")
         for info in files:
-            yield info.filename, _read_member(source, info)
-
-
-def _read_member(source: zipfile.ZipFile, info: zipfile.ZipInfo) -> Iterator[bytes]:
-    with _zip_errors(), source.open(info) as packed:
-        while block := packed.read(_SLICE):
-            yield block
+            path = _path_of(info.filename)
+            with _create_file(path, info.filename) as target, source.open(info) as packed:
+                while block := packed.read(_SLICE):
+                    left -= len(block)
+                    if left < 0:
+                        raise _UploadError(f"The ZIP holds more than {max_bytes / 1e6:g} MB of photos.")
+                    target.write(block)
+            if (name := Path(target.name).name) != path.name:
+                renamed.append(f"The ZIP holds {path.name} more than once in a folder; one is {name} now.")
+    _PHOTOS.mkdir(exist_ok=True)
+    return renamed
 
 
 @contextmanager
 def _zip_errors() -> Iterator[None]:
-    """Say that a ZIP is none, around what reads it alone: each way of packing has errors of its own."""
+    """Say that a ZIP is none, unless the disk is full: each way of packing has errors of its own."""
     try:
         yield
     except (LightingError, MemoryError):
         raise
     except Exception as error:
+        if _is_disk_full(error):
+            raise
         raise _UploadError("The upload is no ZIP that can be read.") from error
 
 
@@ -276,16 +270,15 @@ def _path_of(name: str) -> Path:
     return _PHOTOS.joinpath(*parts[-4:] or ["photo"])
 
 
-def _create_file(name: str) -> BinaryIO:
+def _create_file(path: Path, name: str) -> BinaryIO:
     """A new file for a name in an archive; where there is one, under the next number."""
-    path = _path_of(name)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         for number in count(1):
             with suppress(FileExistsError):
                 return path.with_stem(f"{path.stem}-{number}" if number > 1 else path.stem).open("xb")
     except (OSError, ValueError) as error:
-        if isinstance(error, OSError) and error.errno in DISK_FULL:
+        if _is_disk_full(error):
             raise
         raise _UploadError(f"The ZIP holds a name that is no file's: {name[-_MAX_NAME:]}.") from error
     raise AssertionError

@@ -7,13 +7,12 @@ import hmac
 import logging
 import sys
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import sha256
-from ipaddress import IPv4Address, IPv6Address, IPv6Network, ip_address
+from ipaddress import IPv4Address, IPv6Network
 from math import ceil
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -22,6 +21,7 @@ from starlette.requests import HTTPConnection
 
 from server import problems
 from server.problems import ProblemError
+from server.settings import parse_address
 
 K = TypeVar("K")
 
@@ -69,19 +69,6 @@ def client_of_address(host: str) -> Client:
         return Client((str(address),))
     value = int(address)
     return Client(tuple(str(IPv6Network((value >> 128 - bits << 128 - bits, bits))) for bits in _PREFIXES))
-
-
-def parse_address(host: str) -> IPv4Address | IPv6Address | None:
-    """The address in a text, of IPv4 also where IPv6 maps it; None where there is none.
-
-    Args:
-        host: of a connection or a header, without a port.
-    """
-    try:
-        address = ip_address(host)
-    except ValueError:
-        return None
-    return getattr(address, "ipv4_mapped", None) or address
 
 
 def client_of_key(number: int) -> Client:
@@ -188,7 +175,7 @@ class RateLimiter:
     def __init__(self, limits: Sequence[RateLimitItem], clock: Callable[[], float] = time.monotonic) -> None:
         self.limits = limits
         self._clock = clock
-        self._sums: dict[tuple[int, str], deque[tuple[int, float]]] = {}  # by limit and group: part, and sum
+        self._sums: dict[tuple[int, str], dict[int, float]] = {}  # by limit and group, of each part of a window
         self._purged = clock()
 
     def __bool__(self) -> bool:
@@ -202,11 +189,8 @@ class RateLimiter:
             amount: requests or seconds.
         """
         for number, limit in enumerate(self.limits):
-            part = self._part(limit)
             for group in client.groups:
-                sums = self._sums.setdefault((number, group), deque())
-                before = sums.pop()[1] if sums and sums[-1][0] == part else 0.0
-                sums.append((part, before + amount))
+                _add(self._sums.setdefault((number, group), {}), self._part(limit), amount)
         self._purge()
 
     def seconds_to_wait(self, client: Client) -> int:
@@ -221,15 +205,13 @@ class RateLimiter:
     def _wait(self, number: int, group: str, share: int) -> int:
         """Seconds until the oldest sums have left the window, so that the rest is less than the limit."""
         limit = self.limits[number]
-        oldest = self._part(limit) - self._PARTS
-        sums = [entry for entry in self._sums.get((number, group), ()) if entry[0] > oldest]
-        excess = sum(amount for _, amount in sums) - limit.amount * share
-        wait = 0
+        oldest, length = self._part(limit) - self._PARTS, limit.get_expiry() / self._PARTS
+        sums = [item for item in self._sums.get((number, group), {}).items() if item[0] > oldest]
+        excess, wait = sum(amount for _, amount in sums) - limit.amount * share, 0
         for part, amount in sums:
             if excess < 0:
                 break
             excess -= amount
-            length = limit.get_expiry() / self._PARTS
             wait = max(1, ceil((part + self._PARTS) * length - self._clock()))
         return wait
 
@@ -241,10 +223,12 @@ class RateLimiter:
         longest = max((limit.get_expiry() for limit in self.limits), default=0)
         if self._clock() - self._purged > longest:
             self._purged = self._clock()
-            for number, limit in enumerate(self.limits):
-                first = self._part(limit) - self._PARTS
-                for key in [k for k, sums in self._sums.items() if k[0] == number and sums[-1][0] <= first]:
-                    del self._sums[key]
+            oldest = [self._part(limit) - self._PARTS for limit in self.limits]
+            for (number, group), sums in list(self._sums.items()):
+                for part in [part for part in sums if part <= oldest[number]]:
+                    del sums[part]
+                if not sums:
+                    del self._sums[number, group]
 
 
 @dataclass(eq=False)

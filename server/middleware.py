@@ -16,10 +16,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
 from server.dependencies import Service
-from server.limits import parse_address
 from server.problems import ProblemError, route_path
 from server.responses import WARNINGS_HEADER
-from server.settings import Settings
+from server.settings import Settings, parse_address
 
 _EXPOSED_HEADERS = ("ETag", "Location", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
 _NO_FRAMES = "frame-ancestors 'none'"

@@ -7,9 +7,9 @@ import gzip
 import json
 import posixpath
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from hmac import compare_digest
 from html import escape
 from itertools import pairwise
@@ -305,9 +305,9 @@ def make_book_router(book: Book | None = None) -> APIRouter:
     @router.get("/book/{path:path}")
     async def page(request: Request, path: str) -> Response:
         if path == "search.json":
-            return await _serve_text(await to_thread.run_sync(lambda: shown.search_index), "application/json", request)
+            return await _serve_text(lambda: shown.search_index, "application/json", request)
         if found := shown.by_address.get(path):
-            return await _serve_text(await to_thread.run_sync(shown.render_page, found), "text/html", request)
+            return await _serve_text(partial(shown.render_page, found), "text/html", request)
         suffix = Path(path).suffix
         if suffix not in files:
             raise HTTPException(404)
@@ -316,9 +316,9 @@ def make_book_router(book: Book | None = None) -> APIRouter:
     return router
 
 
-async def _serve_text(data: bytes, kind: str, request: Request) -> Response:
-    """A text that is in memory, gzipped if the client accepts that."""
-    headers = {"Vary": "Accept-Encoding"}
+async def _serve_text(read: Callable[[], bytes], kind: str | None, request: Request) -> Response:
+    """A text that a thread reads or makes, gzipped if the client accepts that."""
+    data, headers = await to_thread.run_sync(read), {"Vary": "Accept-Encoding"}
     if _accepts_gzip(request):
         data = await to_thread.run_sync(_gzip_text, data)
         headers["Content-Encoding"] = "gzip"
@@ -341,22 +341,9 @@ async def _serve_file(files: StaticFiles, path: str, request: Request, cache_con
     if Path(path).suffix in _TEXT_SUFFIXES:
         headers["Vary"] = "Accept-Encoding"
         if _accepts_gzip(request):
-            response = await _gzip_response(files, path, request)
+            response = await _serve_text(Path(files.lookup_path(path)[0]).read_bytes, guess_type(path)[0], request)
     response.headers.update(headers)
     return response
-
-
-async def _gzip_response(files: StaticFiles, path: str, request: Request) -> Response:
-    """The gzipped copy of a file that exists, with a tag of its own."""
-    full_path, stat = files.lookup_path(path)
-    data = await to_thread.run_sync(_gzip_file, full_path, stat.st_mtime_ns if stat else 0)
-    response = Response(data, media_type=guess_type(path)[0], headers={"Content-Encoding": "gzip"})
-    return tag_response(request, response)
-
-
-@lru_cache(_KEPT_FILES)
-def _gzip_file(path: str, modified_ns: int) -> bytes:  # noqa: ARG001  # a file that changed is another
-    return gzip.compress(Path(path).read_bytes(), mtime=0)
 
 
 def _accepts_gzip(request: Request) -> bool:

@@ -3,6 +3,7 @@
 import posixpath
 from dataclasses import asdict
 from datetime import UTC
+from hashlib import sha256
 from urllib.parse import urlencode
 
 import numpy as np
@@ -22,7 +23,6 @@ from lighting.records import Lighting
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
 from lighting.tracing import trace_step
-from server.dependencies import tag_bytes
 from server.problems import route_path
 from server.query_params import LightingQuery
 from server.schemas import LightingEstimate
@@ -117,6 +117,15 @@ def tag_response(request: Request, response: Response) -> Response:
     response.headers.setdefault("Cache-Control", "no-cache")
     etag = response.headers["ETag"] = tag_bytes(response.body)
     return NotModifiedResponse(response.headers) if is_fresh(request, etag) else response
+
+
+def tag_bytes(data: bytes | memoryview) -> str:
+    """The tag of an answer of these bytes.
+
+    Args:
+        data: the body, as it is sent.
+    """
+    return f'"{sha256(data).hexdigest()[:32]}"'
 
 
 def is_fresh(request: Request, etag: str) -> bool:

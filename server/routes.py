@@ -10,6 +10,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any
 
+from anyio import to_thread
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 from fastapi.types import DecoratedCallable
@@ -28,14 +29,12 @@ from lighting.version import __version__
 from server import query_params as queries
 from server import responses, tasks
 from server.dependencies import (
-    RESULT_TAG,
     Admission,
     AdmissionDep,
     PhotoDep,
     PhotoOrLightingDep,
     ServiceDep,
     UploadsDep,
-    tag_bytes,
 )
 from server.problems import problem_responses
 from server.query_params import refuse_parameters
@@ -78,9 +77,10 @@ class _TaggedRoute(FormRoute):
 
         async def tag_answer(request: Request) -> Response:
             response = await handle(request)
-            if response.status_code == 200 and isinstance(response.body, bytes) and "ETag" not in response.headers:
-                data, tag = request.scope.get(RESULT_TAG) or (None, "")
-                response.headers["ETag"] = tag if response.body is data else tag_bytes(response.body)
+            if response.status_code == 200 and "ETag" not in response.headers:
+                response.headers["ETag"] = await to_thread.run_sync(
+                    responses.tag_bytes, response.body
+                )  # a large file takes long
             return response
 
         return tag_answer

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from functools import lru_cache
-from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -233,12 +233,21 @@ def _parse_networks(text: str) -> Iterator[IPv4Network | IPv6Network]:
 @lru_cache(maxsize=4096)
 def _is_in_networks(host: str, text: str) -> bool:
     """Whether an address is in one of the networks between commas."""
+    address = parse_address(host)
+    return address is not None and any(address in network for network in _parse_networks(text))
+
+
+def parse_address(host: str) -> IPv4Address | IPv6Address | None:
+    """The address in a text, of IPv4 also where IPv6 maps it; None where there is none.
+
+    Args:
+        host: of a connection or a header, without a port.
+    """
     try:
         address = ip_address(host)
     except ValueError:
-        return False
-    address = getattr(address, "ipv4_mapped", None) or address
-    return any(address in network for network in _parse_networks(text))
+        return None
+    return getattr(address, "ipv4_mapped", None) or address
 
 
 def read_settings() -> Settings:

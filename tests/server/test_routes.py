@@ -1,5 +1,6 @@
 """The answers to good requests."""
 
+import asyncio
 from io import BytesIO
 from typing import Any
 from urllib.parse import parse_qs, urljoin, urlsplit
@@ -20,7 +21,7 @@ from lighting.records import Lighting
 from lighting.registration.features import has_opencv
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
-from server import dependencies, responses
+from server import responses
 from tests.conftest import TINY, encode, scene
 from tests.helpers.predictions import without_probe
 from tests.server.conftest import SKY
@@ -128,17 +129,21 @@ def test_a_post_ignores_if_none_match(client: TestClient, jpeg: bytes) -> None:
         assert (again.status_code, again.content) == (200, first.content)
 
 
-def test_the_bytes_of_a_file_are_read_for_their_tag_in_the_thread_that_made_them(
+def test_the_bytes_of_a_file_are_read_for_their_tag_in_a_thread(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A hundred megabytes would hold up the event loop."""
-    photo = encode(scene(64, 48))
-    in_loop: list[bytes] = []
-    monkeypatch.setattr(responses, "tag_bytes", in_loop.append)
+    photo, tag_bytes = encode(scene(64, 48)), responses.tag_bytes
+
+    def tag_in_thread(data: bytes) -> str:
+        with pytest.raises(RuntimeError):
+            asyncio.get_running_loop()
+        return tag_bytes(data)
+
+    monkeypatch.setattr(responses, "tag_bytes", tag_in_thread)
     for path in ("/v1/scene?for=gltf&height=16", "/v1/envmap?height=16"):
         answer = client.post(path, content=photo, headers=JPEG)
-        assert answer.headers["etag"] == dependencies.tag_bytes(answer.content)
-    assert in_loop == []
+        assert answer.headers["etag"] == tag_bytes(answer.content)
 
 
 def test_equal_skies_share_a_tag_and_others_do_not(client: TestClient) -> None:
