@@ -72,7 +72,7 @@ class RelativeRotation:
     inliers: int
     """Matches that agree."""
     matches: int
-    """How many points of both pictures obey it."""
+    """How many there are, whether they agree or not."""
     translates: bool = False
     """Whether the camera moved as well, among near things."""
     zoomed: bool = False
@@ -221,7 +221,7 @@ def _refine_rotation(
     return least_squares(residuals, np.zeros(4), scale, prior, expected)
 
 
-# A camera that also moved: the essential matrix [3, 4].
+# A camera that also moved: the essential matrix [2, 3].
 
 
 def _epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:

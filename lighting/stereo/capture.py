@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.camera import FULL_FRAME_DIAGONAL
 from lighting.photo.linear import RAW_SUFFIXES, Curve, open_header, read_linear
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
+from lighting.photo.tags import TAG_ERRORS, read_number
 from lighting.photo.timestamps import parse_time
 from lighting.stereo.camera_motion import check_static_camera, moved_names
 from lighting.stereo.light_vectors import Skies
@@ -98,15 +98,13 @@ def _read_exposure(path: Path) -> _Exposure:
             tags = dict(header.getexif().get_ifd(ExifTags.IFD.Exif))
     base = ExifTags.Base
     names = (base.ExposureTime, base.FNumber, base.ISOSpeedRatings, base.FocalLength)
-    return _Exposure(*(_read_number(tags.get(name)) for name in names))
+    return _Exposure(*(_positive_number(tags.get(name)) for name in names))
 
 
-def _read_number(tag: Any) -> float | None:
-    try:
-        value = float(tag)
-    except (ArithmeticError, TypeError, ValueError):
-        return None
-    return value if np.isfinite(value) and value > 0 else None
+def _positive_number(tag: object) -> float | None:
+    with suppress(*TAG_ERRORS):
+        return value if (value := read_number(tag)) > 0 else None
+    return None
 
 
 _TIMES_FILE = "times.csv"

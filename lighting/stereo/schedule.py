@@ -254,7 +254,7 @@ def list_windows(day: SkyDay, hours: float, shots: int) -> _Windows:
 
 
 def _all_windows(day: SkyDay, shots: int, step: float) -> _Windows:
-    """The windows that start and end on multiples of `step` minutes, SHORTEST or longer, and lie in light."""
+    """The windows that start and end on multiples of `step` minutes, MIN_WINDOW or longer, and lie in light."""
     grid = np.arange(0.0, DAY_MINUTES + 1e-6, step)
     start, end = (side.ravel() for side in np.meshgrid(grid, grid, indexing="ij"))
     long = end - start >= MIN_WINDOW

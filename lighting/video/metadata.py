@@ -6,7 +6,6 @@ QuickTime and MP4 count seconds in UTC, and phones do so. Many cameras write loc
 tell: with a zone set, GoPro's HERO12 writes UTC, its forerunners did not. `lighting.fusion.instants` resolves it.
 """
 
-import math
 import re
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,6 +24,7 @@ from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.clock import Stamp, read_stamp
 from lighting.photo.imu import heading_from_gimbal
 from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.tags import read_number
 
 _Value = TypeVar("_Value")
 QUICKTIME = "com.apple.quicktime."
@@ -174,13 +174,12 @@ def _valid_location(latitude: float, longitude: float) -> tuple[float, float] | 
 
 
 def _positive(text: str) -> float | None:
-    value = float(text)
-    return value if math.isfinite(value) and value > 0 else None
+    value = read_number(text)
+    return value if value > 0 else None
 
 
-def _degrees(text: str) -> float | None:
-    value = float(text)
-    return value % 360.0 if math.isfinite(value) else None
+def _degrees(text: str) -> float:
+    return read_number(text) % 360.0
 
 
 def _with_recording_time(result: PhotoMetadata, tags: Mapping[str, str]) -> PhotoMetadata:

@@ -359,9 +359,8 @@ class VideoResult:
     """Each shot, or why it has no answer."""
     damage: str = ""
     """A sentence, where part of the clip was lost."""
-    # warnings of scenes, the light's too, by shot
     scene_warnings: dict[int, tuple[str, ...]] = field(default_factory=dict)
-    """Sentences for people, by the number of the shot, from 0."""
+    """Of scenes, the light's too: sentences for people, by the number of the shot, from 1."""
     removed: tuple[str, ...] = ()
     """Maps of an earlier run that were removed, relative to the folder."""
 
