@@ -247,25 +247,21 @@ def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
     models = load_models(paths)
     spec = next(iter(models.values())).spec
     crops = take_hdr_crops(data, labels, spec)
+    mean = mean_light_map([one.truth for one in take_hdr_crops(data, labels, spec, "train", each=1)])
+    kinds = {kind: [one for one in crops if one.weather == kind] for kind in ("sunny", "overcast")}
+    return "\n\n".join(_section(kind, chosen, models, mean) for kind, chosen in kinds.items() if chosen)
+
+
+def _section(kind: str, crops: Sequence[LitCrop], models: dict[str, Model], mean: Floats) -> str:
+    """The tables of crops of one weather."""
+    truth = [one.truth for one in crops]
     methods: dict[str, _Guess] = {}
     for name, model in models.items():
         methods |= _guesses(name, model, crops)
-    training = [one.truth for one in take_hdr_crops(data, labels, spec, "train", each=1)]
-    methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(crops)))
-    kinds = {one.weather for one in crops}
-    return "\n\n".join(_section(crops, methods, kind) for kind in ("sunny", "overcast") if kind in kinds)
-
-
-def _section(crops: Sequence[LitCrop], methods: dict[str, _Guess], kind: str) -> str:
-    chosen = [i for i, one in enumerate(crops) if one.weather == kind]
-    truth = [crops[i].truth for i in chosen]
-    part = {
-        name: _Guess(guess.maps[chosen], tuple(guess.lights[i] for i in chosen if guess.lights))
-        for name, guess in methods.items()
-    }
-    count = len({crops[i].panorama.name for i in chosen})
-    title = f"## Light: {len(chosen)} crops of {count} {kind} HDR panoramas"
-    return "\n\n".join([title, _NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
+    methods["mean map"] = _Guess(np.stack([mean] * len(crops)))
+    count = len({one.panorama.name for one in crops})
+    title = f"## Light: {len(crops)} crops of {count} {kind} HDR panoramas"
+    return "\n\n".join([title, _NOTE, _strengths_table(truth, methods), _objects_table(truth, methods)])
 
 
 def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
