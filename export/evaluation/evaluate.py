@@ -1,27 +1,27 @@
 """Accuracy of ONNX networks on crops of panoramas that training never saw, compared with answers without a network."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
 from export.crops.crops import Source, crop_panorama, load_sources
-from export.data.labels import Label, read_labels_of
+from export.data.labels import read_labels_of
 from export.data.panoramas import read_index, write_table
 from export.evaluation.failures import draw_contact_sheet, failures_report, find_worst_crops, write_failures
 from export.evaluation.irradiance import light_report
 from export.evaluation.metadata import evidence_report, in_view_evidence, simulate_metadata
-from export.evaluation.metrics import Answers, Truth, select_crops, sun_error
+from export.evaluation.metrics import select_crops, sun_error
 from export.evaluation.metrics_file import collect_metrics, write_metrics
 from export.evaluation.multi_view import groups_report
 from export.evaluation.predictions import (
     CROPS_EACH,
-    View,
-    decode_answers,
+    ScoredCrops,
     load_models,
-    predict_views,
     protocol_views,
+    score_views,
     sun_centered_views,
 )
 from export.evaluation.reliability import draw_reliability, reliability_curves, reliability_report, temperature_report
@@ -38,7 +38,6 @@ from export.evaluation.report import (
 from lighting.color import tone_map
 from lighting.files import atomic_write
 from lighting.model import Model
-from lighting.prediction import Prediction
 
 RELIABILITY_FILE = "reliability.png"
 _PROTOCOLS = ("paper", "phone")  # of cameras
@@ -58,23 +57,6 @@ class Options:
     relight: bool = False  # also relight objects, and judge the light by weather
 
 
-@dataclass(frozen=True)
-class ScoredCrops:
-    """The answers for the crops of one protocol."""
-
-    views: Sequence[View]
-    truth: Truth
-    predictions: Sequence[Prediction]  # of our network
-    with_lens: Sequence[Prediction]  # the same, of photos that state their lens
-    answers: dict[str, Answers]  # of each method, our network first
-    network_answers: dict[str, Answers]  # of each network without what else the pictures show
-
-    @property
-    def ours(self) -> str:
-        """The name of our network."""
-        return next(iter(self.answers))
-
-
 def evaluate_networks(options: Options) -> str:
     """Score the networks on the `val` split; write the report, and its figures as metrics.json; returns the report.
 
@@ -92,9 +74,11 @@ def evaluate_networks(options: Options) -> str:
     lit: list[str] = []
     if options.relight:  # first, for it asks most of the folder
         lit.append(light_report(options.data, options.labels, options.models))
-    crops = {protocol: _score(models, training, sources, protocol) for protocol in _PROTOCOLS}
-    for protocol, scored in crops.items():
-        _write_crops(options.out / f"crops-{protocol}.csv", scored)
+    crops: dict[str, ScoredCrops] = {}
+    for protocol in _PROTOCOLS:
+        scored = score_views(models, protocol_views(sources, protocol))
+        crops[protocol] = replace(scored, answers=scored.answers | baseline_answers(scored.truth, training))
+        _write_crops(options.out / f"crops-{protocol}.csv", crops[protocol])
     text = "\n\n".join([*_sections(options, models, sources, crops), *lit]) + "\n"
     with atomic_write(options.out / "report.md") as path:
         path.write_text(text)
@@ -102,16 +86,6 @@ def evaluate_networks(options: Options) -> str:
     figures = {p: stated_figures(c.truth, c.answers[ours]) for p, c in crops.items()}
     write_metrics(collect_metrics(options.models[0], options.data, text, figures, ours), options.out)
     return text
-
-
-def _score(models: dict[str, Model], training: list[Label], sources: list[Source], protocol: str) -> ScoredCrops:
-    views = protocol_views(sources, protocol)
-    predicted = predict_views(models, views)
-    truth, ours = predicted.truth, next(iter(models))
-    outputs = predicted.network, predicted.refined
-    network, answers = ({name: decode_answers(p, truth.sun) for name, p in output.items()} for output in outputs)
-    answers |= baseline_answers(truth, training)
-    return ScoredCrops(views, truth, predicted.refined[ours], predicted.with_lens, answers, network)
 
 
 def _sections(
@@ -166,18 +140,16 @@ def _sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[st
     views = sun_centered_views(sources)
     if not views:
         return []
-    predicted = predict_views(models, views)
-    chosen = predicted.truth.scored & (predicted.truth.in_view == "sun in view")
+    scored = score_views(models, views)
+    chosen = scored.truth.scored & (scored.truth.in_view == "sun in view")
     if not chosen.any():
         return []
-    truth, indices = select_crops(predicted.truth, chosen), np.flatnonzero(chosen).tolist()
-    refined = {name: [predictions[i] for i in indices] for name, predictions in predicted.refined.items()}
-    answers = {name: decode_answers(predictions, truth.sun) for name, predictions in refined.items()}
-    with_lens = [predicted.with_lens[i] for i in indices]
-    spec = next(iter(models.values())).spec
-    pictures = [tone_map(crop_panorama(*views[i], spec).linear) for i in indices]
-    ours = list(zip(next(iter(refined.values())), with_lens, strict=True))
-    return [in_view_report(truth, answers, in_view_evidence(truth, ours, pictures))]
+    truth = select_crops(scored.truth, chosen)
+    answers = {name: select_crops(of_all, chosen) for name, of_all in scored.answers.items()}
+    shown = list(compress(zip(views, scored.predictions, scored.with_lens, strict=True), chosen))
+    pictures = [tone_map(crop_panorama(*view, prediction.spec).linear) for view, prediction, _ in shown]
+    evidence = in_view_evidence(truth, [(plain, with_lens) for _, plain, with_lens in shown], pictures)
+    return [in_view_report(truth, answers, evidence)]
 
 
 def _metadata_sections(protocol: str, scored: ScoredCrops) -> list[str]:

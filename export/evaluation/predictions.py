@@ -29,7 +29,6 @@ from lighting.prediction import Prediction
 from lighting.sun_grid import nearest_cell_density
 
 View = tuple[Source, Camera]
-NetworkOutput = dict[str, list[Prediction]]  # of the same views, by each network
 
 _MAX_SUN_UNCERTAINTY = 12.0  # deg, the largest label uncertainty of a sun that is scored
 CROPS_EACH = 8  # views of each panorama and protocol
@@ -40,13 +39,20 @@ MIN_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
 
 
 @dataclass(frozen=True, eq=False)
-class _ViewPredictions:
-    """What is true of views, and what networks predict of them."""
+class ScoredCrops:
+    """The crops of views, and what is answered for them."""
 
+    views: Sequence[View]
     truth: Truth
-    network: NetworkOutput  # by the network alone
-    refined: NetworkOutput  # by the network and what else the pictures show, as users get it
-    with_lens: list[Prediction]  # the same by the first network, of photos that state their lens
+    predictions: Sequence[Prediction]  # by our network and what else the pictures show, as users get it
+    with_lens: Sequence[Prediction]  # the same, of photos that state their lens
+    answers: dict[str, Answers]  # of each method, our network first
+    network_answers: dict[str, Answers]  # of each network without what else the pictures show
+
+    @property
+    def ours(self) -> str:
+        """The name of our network."""
+        return next(iter(self.answers))
 
 
 def protocol_views(sources: Sequence[Source], protocol: str) -> list[View]:
@@ -97,17 +103,17 @@ def predict_crops(model: Model, views: Sequence[View]) -> tuple[Truth, list[Pred
     return collect_truth([source.panorama for source, _ in views], crops), predictions
 
 
-def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredictions:
-    """The truth about views, and what each network predicts of them alone and as users get it.
+def score_views(models: dict[str, Model], views: Sequence[View]) -> ScoredCrops:
+    """The truth about views, and what each network answers for them alone and as users get it.
 
     Args:
         models: networks by name, ours first.
         views: panoramas and cameras.
     """
     results = {name: predict_crops(model, views) for name, model in models.items()}
-    truth, first = next(iter(results.values()))
+    ours, (truth, first) = next(iter(results.items()))
     network = {name: predictions for name, (_, predictions) in results.items()}
-    refined: NetworkOutput = {name: [] for name in models}
+    refined: dict[str, list[Prediction]] = {name: [] for name in models}
     with_lens = []
     for i, view in enumerate(views):
         side = int(min(TARGET, max(view[1].aspect, 1.0) * native_rows(*view)))  # TARGET, or what the panorama has
@@ -115,7 +121,10 @@ def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredi
         for name, predictions in network.items():
             refined[name].append(refine_camera(predictions[i], pixels))
         with_lens.append(refine_camera(first[i], pixels, view[1].vertical_fov))
-    return _ViewPredictions(truth, network, refined, with_lens)
+    answers, network_answers = (
+        {name: decode_answers(predictions, truth.sun) for name, predictions in of.items()} for of in (refined, network)
+    )
+    return ScoredCrops(views, truth, refined[ours], with_lens, answers, network_answers)
 
 
 def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:

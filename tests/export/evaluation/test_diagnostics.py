@@ -12,7 +12,7 @@ from PIL import Image
 from export.crops.crops import Camera, Source
 from export.data.labels import Label
 from export.data.panoramas import Panorama
-from export.evaluation.evaluate import RELIABILITY_FILE, ScoredCrops, diagnostic_sections
+from export.evaluation.evaluate import RELIABILITY_FILE, diagnostic_sections
 from export.evaluation.failures import (
     CAUSES,
     MAX_EACH,
@@ -23,7 +23,7 @@ from export.evaluation.failures import (
     write_failures,
 )
 from export.evaluation.metrics import Truth, answers_from_sun, select_crops
-from export.evaluation.predictions import decode_answers
+from export.evaluation.predictions import ScoredCrops, decode_answers
 from export.evaluation.reliability import (
     CONE,
     DENSEST,
