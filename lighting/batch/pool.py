@@ -14,14 +14,14 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from lighting.batch import job as jobs
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE, Journal, check_table, has_lights, open_journal
@@ -166,17 +166,6 @@ class _Worker:
     item: str | None = None  # in work; None until it is prepared
 
 
-@dataclass
-class _Queue(Generic[Result]):
-    """The items still to do, those to retry, how many workers each has killed, and the workers."""
-
-    items: Iterator[str]
-    prepare: Callable[[], Work[Result]]
-    retries: deque[str] = field(default_factory=deque)
-    deaths: Counter[str | None] = field(default_factory=Counter)  # None before a worker was prepared
-    workers: list[_Worker] = field(default_factory=list)
-
-
 def _map_in_processes(
     items: Iterable[str], prepare: Callable[[], Work[Result]], workers: int
 ) -> Iterator[tuple[str, Result | None]]:
@@ -186,59 +175,47 @@ def _map_in_processes(
     are pickled. An item whose process dies is retried in a new process; if that dies too, its result is None. An
     exception in a worker ends the batch and is raised here. Raises BatchError if two processes die while they start.
     """
-    queue = _Queue(iter(items), prepare)
+    todo, running = deque(items), list[_Worker]()
+    deaths = Counter[str | None]()  # of workers, by the item that they worked on; None before they were prepared
     try:
-        queue.workers += [_start(prepare) for _ in range(workers)]
-        while queue.workers:
-            for connection in wait([worker.connection for worker in queue.workers]):
-                worker = next(w for w in queue.workers if w.connection is connection)
-                yield from _on_result(worker, queue)
+        running += [_start(prepare) for _ in range(workers)]
+        while running:
+            for connection in wait([worker.connection for worker in running]):
+                worker = next(w for w in running if w.connection is connection)
+                item, answer = worker.item, None
+                try:
+                    answer = worker.connection.recv()
+                except (EOFError, OSError):
+                    running.remove(worker)
+                    _dismiss([worker])
+                    deaths[item] += 1
+                    if item is None and deaths[item] == _ATTEMPTS:
+                        status = worker.process.exitcode
+                        raise BatchError(f"A worker process died while it started (exit status {status}).") from None
+                    running.append(_start(prepare))
+                    if item is not None and deaths[item] < _ATTEMPTS:
+                        todo.appendleft(item)
+                        continue
+                else:
+                    if isinstance(answer, Exception):
+                        raise answer
+                    if not _assign(worker, todo):
+                        running.remove(worker)
+                        _dismiss([worker])
+                if item is not None:
+                    yield item, answer
     finally:
-        _dismiss(queue.workers)
+        _dismiss(running)
 
 
-def _on_result(worker: _Worker, queue: _Queue[Result]) -> Iterator[tuple[str, Result | None]]:
-    """The worker's finished item with its result. The worker gets its next item, or is replaced if it died."""
-    try:
-        answer = worker.connection.recv()
-    except (EOFError, OSError):
-        yield from _on_worker_death(worker, queue)
-        return
-    if isinstance(answer, Exception):
-        raise answer
-    item = worker.item
-    _assign(worker, queue)
-    if item is not None:
-        yield item, answer
-
-
-def _assign(worker: _Worker, queue: _Queue[Result]) -> None:
-    """Send the worker its next item, or dismiss it if none is left. A dead worker is noticed by `_on_result`."""
-    worker.item = queue.retries.popleft() if queue.retries else next(queue.items, None)
+def _assign(worker: _Worker, todo: deque[str]) -> bool:
+    """Send the worker its next item; False if none is left. That it died is noticed when its answer is read."""
+    worker.item = todo.popleft() if todo else None
     if worker.item is None:
-        queue.workers.remove(worker)
-        _dismiss([worker])
-        return
+        return False
     with suppress(OSError):
         worker.connection.send(worker.item)
-
-
-def _on_worker_death(worker: _Worker, queue: _Queue[Result]) -> Iterator[tuple[str, None]]:
-    """Replace a worker that died; the item that it worked on is retried."""
-    queue.workers.remove(worker)
-    _dismiss([worker])
-    item = worker.item
-    queue.deaths[item] += 1
-    blamed = queue.deaths[item] >= _ATTEMPTS
-    if item is None and blamed:
-        raise BatchError(f"A worker process died while it started (exit status {worker.process.exitcode}).")
-    queue.workers.append(_start(queue.prepare))
-    if item is None:
-        return
-    if blamed:
-        yield item, None
-    else:
-        queue.retries.append(item)
+    return True
 
 
 def _start(prepare: Callable[[], Work[Result]]) -> _Worker:

@@ -54,6 +54,19 @@ class Number(click.types.FloatParamType):
             self.fail(f"{value!r} is not a number such as {self.example}.", param, ctx)
 
 
+def number_option(example: str, metavar: str, text: str, *names: str, **settings: Any) -> Decorator:
+    """Return an option that takes a Number.
+
+    Args:
+        example: as in Number.
+        metavar: the unit, as the help names a value.
+        text: what the help says.
+        *names: of the option, and of the command's parameter.
+        **settings: as click takes them, such as the default.
+    """
+    return click.option(*names, type=Number(example), metavar=metavar, help=text, **settings)
+
+
 class FiniteRange(click.FloatRange):
     """A range that nan is not in, which no comparison keeps out."""
 

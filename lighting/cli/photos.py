@@ -14,10 +14,10 @@ from lighting.cli.console import print_estimate
 from lighting.cli.options import (
     Decorator,
     FileName,
-    Number,
     json_option,
     map_options,
     model_option,
+    number_option,
     read_by,
     record_options,
     require_option,
@@ -61,10 +61,6 @@ def _fspy_camera(_ctx: click.Context, _param: click.Parameter, name: str | None)
         raise click.BadParameter(f"{name}: {error}") from error
 
 
-def _number(example: str, metavar: str, text: str, *names: str) -> Decorator:
-    return click.option(*names, type=Number(example), metavar=metavar, help=text)
-
-
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
     "metadata": click.option(
         "--no-metadata",
@@ -85,11 +81,13 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         callback=parse_utc_offset_option,
         help="Offset of local time from UTC: +02:00 or 2.",
     ),
-    "latitude": _number("48.14", "DEG", "Where: positive north.", "--latitude", "--lat"),
-    "longitude": _number("11.58", "DEG", "Where: positive east.", "--longitude", "--lon"),
-    "heading": _number("134.2", "DEG", "Where the camera points, clockwise from true north.", "--heading"),
-    "vertical_fov": _number("48.7", "DEG", "Vertical field of view of the upright photo.", "--vertical-fov", "--fov"),
-    "camera_height": _number(
+    "latitude": number_option("48.14", "DEG", "Where: positive north.", "--latitude", "--lat"),
+    "longitude": number_option("11.58", "DEG", "Where: positive east.", "--longitude", "--lon"),
+    "heading": number_option("134.2", "DEG", "Where the camera points, clockwise from true north.", "--heading"),
+    "vertical_fov": number_option(
+        "48.7", "DEG", "Vertical field of view of the upright photo.", "--vertical-fov", "--fov"
+    ),
+    "camera_height": number_option(
         "1.6", "METERS", "How high the camera is above the ground.  [default: 1.6]", "--camera-height"
     ),
     "shadows": click.option(

@@ -11,7 +11,7 @@ import lighting.cli.outputs as outputs
 from lighting.cli import OLD_OPTIONS, Command, cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
-from lighting.cli.options import FiniteRange, Number
+from lighting.cli.options import FiniteRange, number_option
 from lighting.cli.photos import check_coordinates, parse_time_option, parse_utc_offset_option
 from lighting.errors import ProbeError
 from lighting.files import escape_undecodable
@@ -67,16 +67,12 @@ _read_point = common.read_by(_pair, "{text!r} is not two numbers such as 1500,10
 )
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lens", "kind", type=click.Choice(PROBE_KINDS), required=True, help="What took the pictures.")
-@click.option("--lens-fov", "fov", type=Number("180"), metavar="DEG", help="Across the lens's circle. [180]")
+@number_option("180", "DEG", "Across the lens's circle. [180]", "--lens-fov", "fov")
 @click.option("--centre", metavar="X,Y", callback=_read_point, help="Of the circle or ball, pixels. [the middle]")
-@click.option("--radius", type=Number("1400"), metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")
-@click.option(
-    "--pitch", type=Number("90"), metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others)."
-)
+@number_option("1400", "PIXELS", "Of the circle or ball. [half the shorter side]", "--radius")
+@number_option("90", "DEG", "Where the camera looks: 90 up (fisheyes), 0 level (others).", "--pitch")
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
-@click.option(
-    "--nd", default=0.0, type=Number("10"), show_default=True, metavar="STOPS", help="Filter before the lens."
-)
+@number_option("10", "STOPS", "Filter before the lens.", "--nd", default=0.0, show_default=True)
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
 @click.option("--time", metavar="TIME", callback=parse_time_option, help="2024-06-01T14:30+02:00. [EXIF]")
 @click.option(
@@ -84,9 +80,7 @@ _read_point = common.read_by(_pair, "{text!r} is not two numbers such as 1500,10
 )
 @click.option("--latitude", "--lat", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
 @click.option("--longitude", "--lon", type=FiniteRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
-@click.option(
-    "--yaw", type=Number("134"), metavar="DEG", help="Heading of the camera; a fisheye's lower edge has it. [the sun's]"
-)
+@number_option("134", "DEG", "Heading of the camera; a fisheye's lower edge has it. [the sun's]", "--yaw")
 @click.option(
     "--series", is_flag=True, help="Many brackets of a camera that did not move: tilt and lens are found too."
 )

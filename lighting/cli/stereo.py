@@ -12,7 +12,7 @@ import lighting.cli.outputs as outputs
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.options import FiniteRange, Number, quiet_option, usage_errors
+from lighting.cli.options import FiniteRange, number_option, quiet_option, usage_errors
 from lighting.cli.outputs import write_bytes
 from lighting.cli.photos import check_coordinates, parse_utc_offset_option
 from lighting.errors import ErrorCode, ParameterError
@@ -53,8 +53,8 @@ _day = common.read_by(
     lighting stereo plan --probes skies/ --facing 180 --json
     """,
 )
-@click.option("--latitude", "--lat", type=Number("48.14"), metavar="DEG", help="Where: positive north.")
-@click.option("--longitude", "--lon", type=Number("11.58"), metavar="DEG", help="Where: positive east.")
+@number_option("48.14", "DEG", "Where: positive north.", "--latitude", "--lat")
+@number_option("11.58", "DEG", "Where: positive east.", "--longitude", "--lon")
 @click.option("--date", "first", callback=_day, metavar="DATE", help="The day: 2026-06-21.")
 @click.option("--until", "last", callback=_day, metavar="DATE", help="Last day of a range, whose best day is planned.")
 @click.option(
@@ -66,16 +66,9 @@ _day = common.read_by(
     metavar="DIR",
     help="Measured skies instead: DIR/YYYYMMDD/HHMMSS/envmap.exr.",
 )
-@click.option("--facing", type=Number("180"), metavar="DEG", help="Where the surface faces; else all around and up.")
+@number_option("180", "DEG", "Where the surface faces; else all around and up.", "--facing")
 @click.option("--shots", type=int, default=8, show_default=True, help="Photos of a window.")
-@click.option(
-    "--noise",
-    type=Number("1"),
-    default=1.0,
-    show_default=True,
-    metavar="PERCENT",
-    help="Of a pixel, of the brightest light.",
-)
+@number_option("1", "PERCENT", "Of a pixel, of the brightest light.", "--noise", default=1.0, show_default=True)
 @click.option(
     "--utc-offset",
     metavar="HOURS",

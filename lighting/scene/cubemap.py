@@ -42,11 +42,7 @@ def _encode_ktx1(levels: Levels, metadata: Mapping[str, str]) -> bytes:
         levels: linear radiance, the largest first.
         metadata: texts by their keys.
     """
-    pairs = b""
-    for key, text in metadata.items():
-        pair = key.encode() + b"\0" + text.encode() + b"\0"
-        pairs += struct.pack("<I", len(pair)) + pair + b"\0" * (-len(pair) % 4)
-    size = levels[0].shape[1]
+    size, pairs = levels[0].shape[1], _key_value_data(metadata)
     header = struct.pack("<13I", _ENDIANNESS, *_PACKED_FORMATS, size, size, 0, 0, 6, len(levels), len(pairs))
     images = b"".join(struct.pack("<I", 4 * faces[0, ..., 0].size) + _pack_floats(faces) for faces in levels)
     return _KTX1_MAGIC + header + pairs + images
@@ -59,10 +55,7 @@ def _encode_ktx2(levels: Levels) -> bytes:
         levels: linear radiance, the largest first.
     """
     size, descriptor = levels[0].shape[1], _half_descriptor()
-    pairs = b""
-    for key, text in (("KTXorientation", "rd"), ("KTXwriter", SOFTWARE)):
-        pair = key.encode() + b"\0" + text.encode() + b"\0"
-        pairs += struct.pack("<I", len(pair)) + pair + b"\0" * (-len(pair) % 4)
+    pairs = _key_value_data({"KTXorientation": "rd", "KTXwriter": SOFTWARE})
     start = len(_KTX2_MAGIC) + 36 + 32 + 24 * len(levels)
     header = struct.pack("<9I", _HALF_RGBA, 2, size, size, 0, 0, 6, len(levels), 0)
     index = struct.pack("<4I2Q", start, len(descriptor), start + len(descriptor), len(pairs), 0, 0)
@@ -74,6 +67,12 @@ def _encode_ktx2(levels: Levels) -> bytes:
         places.append(struct.pack("<3Q", position + padding, len(data), len(data)))
         position += padding + len(data)
     return _KTX2_MAGIC + header + index + b"".join(reversed(places)) + descriptor + pairs + images
+
+
+def _key_value_data(texts: Mapping[str, str]) -> bytes:
+    """Texts by their keys, as both versions have them: each with its length before it, padded to four bytes."""
+    pairs = [key.encode() + b"\0" + text.encode() + b"\0" for key, text in texts.items()]
+    return b"".join(struct.pack("<I", len(pair)) + pair + b"\0" * (-len(pair) % 4) for pair in pairs)
 
 
 def _pack_floats(radiance: NDArray[np.float32]) -> bytes:
