@@ -17,7 +17,7 @@ from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET
 from lighting.envmap.latlong import Image
 from lighting.envmap.library_picture import LibraryDetail
-from lighting.envmap.projection import CLIPPED, PhotoProjection, sample_cells
+from lighting.envmap.projection import CLIPPED, PhotoProjection, cell_means, sample_cells
 from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
 from lighting.prediction import Segments, SurfaceClass, pixel_share
 from lighting.records import Lighting
@@ -299,21 +299,18 @@ def _photo_cells(
     map_rows = _RIM_ROWS if projection.height >= _RIM_ROWS else DETAIL_ROWS
     samples, cell = sample_cells(photo, lighting, map_rows)
     colors, rows, columns = samples.reshape(-1, 3), *cell.shape
-    cells, shape = 2 * map_rows**2, (map_rows, 2 * map_rows, -1)
     clipped = colors.max(axis=1, keepdims=True) > CLIPPED
     weight = np.ones((len(colors), 1), np.float32)
     if segments is not None:
         above = pixel_share(segments, columns, rows, *_OPEN_ABOVE)
         below = pixel_share(segments, columns, rows, *_OPEN_BELOW)
-        share = np.where(cell < cells // 2, above, below).reshape(-1, 1)
+        share = np.where(cell < map_rows**2, above, below).reshape(-1, 1)
         weight = np.maximum(share, np.float32(_LEAST_OPEN))
     log = np.log(colors * np.float32(max(gain, _MIN_GAIN)) + LOG_OFFSET)
-    values = np.concatenate([weight * log, weight, clipped], axis=1)
-    count = np.bincount(cell.reshape(-1), minlength=cells)[:, None]
-    total = np.stack([np.bincount(cell.reshape(-1), channel, cells) for channel in values.T], axis=-1)
-    mean = total / np.maximum(count, 1)
-    parts = (mean[:, :3] / np.maximum(mean[:, 3:4], 1e-6), mean[:, 3:4], mean[:, 4:])
-    log_cells, shown, clipped_share = (np.asarray(part, dtype=np.float32).reshape(shape) for part in parts)
+    mean, _ = cell_means(np.concatenate([weight * log, weight, clipped], axis=1), cell.reshape(-1), map_rows)
+    shown, clipped_share = mean[..., 3:4], mean[..., 4:]
+    parts = (mean[..., :3] / np.maximum(shown, 1e-6), shown, clipped_share)
+    log_cells, shown, clipped_share = (np.asarray(part, dtype=np.float32) for part in parts)
     return _PhotoCells(log_cells, shown, clipped_share, projection.covered_share(map_rows))
 
 

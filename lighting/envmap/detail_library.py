@@ -20,7 +20,7 @@ from lighting.checksum import DATA_FOLDER, verify_checksum
 from lighting.color import LUMINANCE_WEIGHTS
 from lighting.envmap.appearance import PLACE_KINDS, PhotoSamples, kind_features, kind_probability, shows_snow
 from lighting.envmap.latlong import Image
-from lighting.envmap.projection import sample_cells
+from lighting.envmap.projection import cell_means, sample_cells
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.prediction import PASSING_THINGS, Segments, SurfaceClass
 from lighting.records import Lighting
@@ -299,10 +299,8 @@ def class_features(
     rows, columns = cell.shape
     row, column = np.arange(rows) * height // rows, np.arange(columns) * width // columns
     shown = segments[row[:, None], column].reshape(rows * columns, -1)
-    cells, cell = 2 * FEATURE_ROWS**2, cell.reshape(-1)
-    count = np.maximum(np.bincount(cell, minlength=cells), 1)
-    means = [np.bincount(cell, shown[:, kind], cells) / count for kind in classes]
-    return np.stack(means).reshape(-1, FEATURE_ROWS, 2 * FEATURE_ROWS).astype(np.float32)
+    means, _ = cell_means(shown[:, classes], cell.reshape(-1), FEATURE_ROWS)
+    return np.ascontiguousarray(np.moveaxis(means, 2, 0), dtype=np.float32)
 
 
 def choose_detail(features: PhotoFeatures, kind: str | None = None) -> DetailChoice:

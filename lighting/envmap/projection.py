@@ -262,6 +262,19 @@ def sample_cells(pixels: NDArray[np.uint8], lighting: Lighting, rows: int) -> tu
     return colors, _cells_of_samples(camera, rows)
 
 
+def cell_means(values: Image, cell: NDArray[np.intp], rows: int) -> tuple[Floats, NDArray[np.intp]]:
+    """Means (R, 2R, C) of samples in the cells of a map, 0 where there are none, and how many (R, 2R) there are.
+
+    Args:
+        values: (P, C).
+        cell: (P,) of each, as `sample_cells` tells it.
+        rows: of the cells, R.
+    """
+    count = np.bincount(cell, minlength=2 * rows**2)
+    total = np.stack([np.bincount(cell, channel, len(count)) for channel in values.T], axis=-1)
+    return (total / np.maximum(count, 1)[:, None]).reshape(rows, 2 * rows, -1), count.reshape(rows, -1)
+
+
 def _few_pixels(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Pinhole]:
     """The linear values (h, w, 3) of the pixels that are sampled, and the camera that saw them alone."""
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED_SIDE))
@@ -354,8 +367,7 @@ def _photo_ratios(
 
     Where the photo is clipped and the map is brighter, the map counts.
     """
-    rows, columns = cells.shape[:2]
-    photo, cell = sample_cells(pixels, lighting, rows)
+    photo, cell = sample_cells(pixels, lighting, len(cells))
     chosen = np.arange(cell.size)
     if segments is not None:
         passing = pixel_share(segments, cell.shape[1], cell.shape[0], *PASSING_THINGS)
@@ -364,11 +376,9 @@ def _photo_ratios(
     clipped = np.flatnonzero(max_channel(colors) > CLIPPED)
     colors *= np.float32(gain)
     colors[clipped] = np.maximum(colors[clipped], map_colors[cell[clipped]])
-    count = np.bincount(cell, minlength=rows * columns)
-    total = np.stack([np.bincount(cell, channel, rows * columns) for channel in colors.T], axis=-1)
-    mean = total / np.maximum(count, 1)[:, None]
-    ratio = np.clip(mean / np.maximum(map_colors, EPSILON_IRRADIANCE), *CELL_RATIO_RANGE).astype(np.float32)
-    return ratio.reshape(cells.shape), (count >= _MIN_SAMPLES).reshape(rows, columns)
+    mean, count = cell_means(colors, cell, len(cells))
+    ratio = np.clip(mean / np.maximum(cells, EPSILON_IRRADIANCE), *CELL_RATIO_RANGE)
+    return ratio.astype(np.float32), count >= _MIN_SAMPLES
 
 
 def _spread_ratios(values: Image, visible: NDArray[np.bool_], elevation: Image, turns: Image) -> Image:

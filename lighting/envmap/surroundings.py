@@ -170,7 +170,8 @@ def _render_layers(lighting: Lighting, context: PhotoContext, height: int, sun: 
     factors, photo = _context_factors(image, lighting, context), project_photo(lighting, context.photo, height)
     gain, targets = context.gain(lighting), _half_irradiances(image)
     detailed = context.detail and height >= MIN_ROWS
-    scales = _lay_photo(photo, image, targets, gain, factors, shown=not detailed)
+    multiply_cells(image, factors)
+    scales = _lay_photo(photo, image, targets, gain, shown=not detailed)
     detail, detail_scales = None, tuple[PhotoScale, ...]()
     if detailed:
         chosen_by = context.first or context
@@ -186,22 +187,11 @@ def _render_layers(lighting: Lighting, context: PhotoContext, height: int, sun: 
 
 
 def _lay_photo(
-    photo: PhotoProjection,
-    image: Image,
-    targets: tuple[Floats, Floats],
-    gain: float,
-    factors: Image | None = None,
-    *,
-    shown: bool = True,
+    photo: PhotoProjection, image: Image, targets: tuple[Floats, Floats], gain: float, *, shown: bool = True
 ) -> tuple[PhotoScale, ...]:
-    """Lay a photo over a map, whose cells are multiplied before, and return by what its halves are scaled.
-
-    They then have these irradiances (3,).
-    """
+    """Lay a photo over a map, and return by what its halves are scaled, which then have these irradiances (3,)."""
     scales = []
     levels = row_irradiance(len(image))
-    if factors is not None:
-        multiply_cells(image, factors)
     for rows, target in zip(_halves(len(image)), targets, strict=True):
         now = irradiance_from_rows(levels[rows], image[rows])
         scales.append(photo.measure(image, rows, now, target, gain, shown=shown))
@@ -291,7 +281,8 @@ def render_coarse(lighting: Lighting, context: PhotoContext, *, sun: bool | None
         factors = _context_factors(bare, lighting, context)
     targets, image = _half_irradiances(bare), bare.copy()
     photo = project_photo(lighting, context.photo, len(bare))
-    _lay_photo(photo, image, targets, context.gain(lighting), factors)
+    multiply_cells(image, factors)
+    _lay_photo(photo, image, targets, context.gain(lighting))
     cap_map(image, lighting)
     return image
 

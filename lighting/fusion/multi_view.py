@@ -295,8 +295,8 @@ def _azimuth_probability(posterior: Posterior) -> Floats:
 
 def _fuse_on_rings(predictions: list[Prediction], observations: list[Observations], frames: _Frames) -> list[Posterior]:
     """The posteriors where time and place are known."""
-    candidates = map(single_view.candidates_above_horizon, observations)
-    likelihood = [single_view.likelihood_by_heading(p, suns) for p, suns in zip(predictions, candidates, strict=True)]
+    candidates, weights = zip(*map(single_view.candidates_above_horizon, observations), strict=True)
+    likelihood = list(map(single_view.likelihood_by_heading, predictions, candidates))
     prior = [single_view.compass_prior(o) for o in observations]
 
     def pool(group: NDArray[np.intp]) -> list[Floats]:
@@ -310,8 +310,8 @@ def _fuse_on_rings(predictions: list[Prediction], observations: list[Observation
         return _pool_on_rings(blurred, [prior[i] for i in group], frames.heading[group], weight)
 
     shared = _share_zone(frames.by_photo(pool), frames)
-    weighted = [w * single_view.candidate_weights(o)[:, None] for w, o in zip(shared, observations, strict=True)]
-    return [posterior_on_rings(p, o, w) for p, o, w in zip(predictions, observations, weighted, strict=True)]
+    weighted = [w * of_suns[:, None] for w, of_suns in zip(shared, weights, strict=True)]
+    return list(map(posterior_on_rings, predictions, observations, weighted))
 
 
 def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floats, weight: Floats) -> list[Floats]:

@@ -176,13 +176,13 @@ def fuse_with_gravity(leveled: _GravityFused) -> Posterior:
     """
     leveled = _fuse_shadows(leveled)
     prediction, observations = leveled.prediction, leveled.observations
-    candidates = candidates_above_horizon(observations)
+    candidates, weights = candidates_above_horizon(observations)
     likelihood = likelihood_by_heading(prediction, candidates)
     compass = None if observations.heading is None else (observations.heading, observations.heading_std)
     lens, subject = observations.vertical_fov, observations.subject
     contradictions = tuple(consistency_warnings(prediction, candidates, likelihood, compass, lens, subject))
     if len(candidates):
-        weight = likelihood * compass_prior(observations) * candidate_weights(observations)[:, None]
+        weight = likelihood * compass_prior(observations) * weights[:, None]
         posterior = posterior_on_rings(prediction, observations, weight)
     else:
         posterior = posterior_on_grid(prediction, observations)
@@ -307,8 +307,10 @@ def _fuse_shadows(leveled: _GravityFused) -> _GravityFused:
 # The sun by time, place and compass.
 
 
-def candidates_above_horizon(observations: Observations) -> Floats:
-    """Select the candidate suns (K, 2) above the horizon.
+def candidates_above_horizon(observations: Observations) -> tuple[Floats, Floats]:
+    """Select the candidate suns (K, 2) above the horizon, and their probabilities (K,) before the pixels.
+
+    Probabilities are up to a factor.
 
     Args:
         observations: whose candidates count; there may be none.
@@ -317,22 +319,12 @@ def candidates_above_horizon(observations: Observations) -> Floats:
         ParameterError: there are candidates, and all are below the horizon.
     """
     candidates = np.array(observations.candidates, dtype=np.float64).reshape(-1, 2)
-    up = candidates[candidates[:, 0] >= 0.0]
-    if len(candidates) and not len(up):
+    up = candidates[:, 0] >= 0.0
+    if len(candidates) and not up.any():
         sentence = f"At this time and place the sun is {-candidates[:, 0].max():.1f}° below the horizon."
         raise ParameterError(sentence, "time", ErrorCode.NIGHT)
-    return up
-
-
-def candidate_weights(observations: Observations) -> Floats:
-    """Probabilities (K,) of the candidate suns above the horizon before the pixels, up to a factor.
-
-    Args:
-        observations: whose candidates count.
-    """
-    is_up = [elevation >= 0.0 for elevation, _ in observations.candidates]
-    weights = observations.weights or (1.0,) * len(is_up)
-    return np.array([weight for weight, up in zip(weights, is_up, strict=True) if up], dtype=np.float64)
+    weights = np.array(observations.weights, dtype=np.float64) if observations.weights else np.ones(len(candidates))
+    return candidates[up], weights[up]
 
 
 def daylight_candidates(candidates: Sequence[tuple[tuple[float, float], ...]]) -> list[int]:
@@ -389,7 +381,7 @@ def posterior_on_rings(prediction: Prediction, observations: Observations, weigh
         weight: (K, 360) of each candidate above the horizon and each of HEADINGS, up to a factor.
     """
     p = weight / weight.sum()
-    candidates = candidates_above_horizon(observations)
+    candidates, _ = candidates_above_horizon(observations)
     rings = _ring_directions(candidates)
     directions = rings.reshape(-1, 3)
     sun, heading = sun_from_rings(directions, p.ravel()), sun_grid.heading_from_probability(p.sum(axis=0))

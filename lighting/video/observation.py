@@ -34,7 +34,7 @@ from lighting.fusion.pooling import (
 from lighting.fusion.single_view import (
     Observations,
     Posterior,
-    candidate_weights,
+    candidates_above_horizon,
     compass_prior,
     fuse,
     likelihood_by_heading,
@@ -526,7 +526,7 @@ class ShotLight:
         posterior = fuse(by_pixels, observations)
         if observations.candidates and (rings := self._rings(observations)) is not None:
             posterior = replace(
-                posterior_on_rings(by_pixels, observations, rings * candidate_weights(observations)[:, None]),
+                posterior_on_rings(by_pixels, observations, rings * candidates_above_horizon(observations)[1][:, None]),
                 warnings=posterior.warnings,
             )
         if self._count == 1:
