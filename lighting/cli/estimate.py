@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -30,23 +30,8 @@ if TYPE_CHECKING:
 Answers = Iterator[tuple[str, "Estimate | Exception"]]
 
 
-def _answers(
-    model: str | None,
-    names: Sequence[str],
-    user_input: "UserInput",
-    together: bool,
-    headings: Sequence[float] | None,
-) -> Callable[[Iterable[str]], Answers]:
-    """A function of the names that gives the estimate of each photo, or the error that it raised, in its place.
-
-    Raises ModelError.
-    """
-    if together:
-        return partial(_estimate_views, load_estimator(model), user_input=user_input, headings=headings)
-    return partial(_estimate_each, estimate=photo_estimator(names, user_input, model))
-
-
-def _estimate_each(names: Iterable[str], estimate: "Callable[[str], Estimate]") -> Answers:
+def _estimate_each(estimate: "Callable[[str], Estimate]", names: Iterable[str]) -> Answers:
+    """The estimate of each photo, or the error that it raised, in its place."""
     for name in names:
         try:
             yield name, estimate(name)
@@ -117,7 +102,8 @@ def _estimate(
     strict: bool,
     require: str | None,
     quiet: bool,
-    **taken_together: Any,
+    together: bool,
+    headings: list[float] | None,
 ) -> None:
     """Print the light of each PHOTO.
 
@@ -126,13 +112,17 @@ def _estimate(
     """
     outputs.check_stdin(photos)
     outputs.check_not_written(photos, output, outputs.RECORD_SUFFIXES)
-    _check_together(len(photos), user_input, **taken_together)
-    _warn_unregistered(quiet, **taken_together)
+    _check_together(len(photos), user_input, together, headings)
+    _warn_unregistered(quiet, together, headings)
     if output == "-":
         output, as_json = None, True
     outputs.check_records(photos, output, overwrite=overwrite)
-    lights, lines = list[tuple[float | None, str | None]](), list[str]()
-    failed, answers_of = 0, _answers(model, photos, user_input, **taken_together)
+    failed, lights, lines = 0, list[tuple[float | None, str | None]](), list[str]()
+    answers_of: Callable[[Iterable[str]], Answers]
+    if together:
+        answers_of = partial(_estimate_views, load_estimator(model), user_input=user_input, headings=headings)
+    else:
+        answers_of = partial(_estimate_each, photo_estimator(photos, user_input, model))
     with console.photo_progress(photos, quiet) as progress:
         for name, answer in answers_of(progress):
             if not isinstance(answer, Exception):

@@ -10,7 +10,6 @@ import click
 
 import lighting.cli.console as console
 import lighting.cli.outputs as outputs
-from lighting.cli.console import print_estimate
 from lighting.cli.options import (
     Decorator,
     FileName,
@@ -198,7 +197,7 @@ class PhotoOptions:
         light = adjust_lighting(answer.lighting, self.view.adjustments)
         probe = answer.probe(replace(self.view, yaw=0.0, sky=None)) if self.as_json else None
         crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
-        print_estimate(photo, light, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
+        console.print_estimate(photo, light, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
 
 
 def photo_options(*names: str, max_height: int = MAX_HEIGHT) -> Decorator:
