@@ -73,13 +73,12 @@ class Listener(socket.socket):
     def accept_waiting(self) -> list[socket.socket]:
         """All connections that wait, for the event loop to take."""
         accepted: list[socket.socket] = []
-        while True:
-            try:
+        with suppress(OSError):  # where none waits
+            while True:
                 connection, _ = self.accept()
-            except OSError:
-                return accepted
-            connection.setblocking(False)
-            accepted.append(connection)
+                connection.setblocking(False)
+                accepted.append(connection)
+        return accepted
 
 
 def bind_listeners(host: str, port: int) -> list[Listener]:

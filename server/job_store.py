@@ -218,13 +218,16 @@ class JobStore:
         return max(candidates, key=lambda job: held.load(job.client))
 
     async def begin(self, job: StoredJob) -> StoredJob | None:
-        """Note that a job is worked on, with nothing left of an earlier attempt; None if it was deleted meanwhile.
+        """Note that a job is worked on, with nothing left of an earlier attempt.
 
-        Raises:
-            OSError: the disk takes no more; FileNotFoundError if the job's files are gone.
+        Returns None if it was deleted meanwhile, or has failed since its files are gone. Raises OSError.
         """
         begun = replace(job, state=JobState.RUNNING, attempts=job.attempts + 1)
-        await self._on_disk(_begin_job, self.path(job.id), begun)
+        try:
+            await self._on_disk(_begin_job, self.path(job.id), begun)
+        except FileNotFoundError:
+            await self.end(job.id, error="The job's files are gone.", code="failed")
+            return None
         return self._keep(begun) if job.id in self._jobs else None
 
     async def requeue(self, job: StoredJob) -> None:

@@ -39,7 +39,6 @@ _MAX_LOG = 4000  # letters of a traceback
 _DISK_ERROR, _TIME_ERROR = "The job needs more disk than it may have.", "The job took longer than it may."
 _CRASH_ERROR = "The job's process died: it needed too much memory, or its upload is damaged."
 _INTERNAL_ERROR = "An unexpected error occurred in the job."
-_LOST_ERROR = "The job's files are gone."
 
 log = logging.getLogger(__name__)
 
@@ -202,12 +201,7 @@ class JobRunner:
             span.end(now.state.value if now else "deleted", now.code if now else "")
 
     async def _run_worker(self, job: StoredJob, span: JobSpan | None = None) -> None:
-        try:
-            begun = await self.store.begin(job)
-        except FileNotFoundError:
-            await self.store.end(job.id, error=_LOST_ERROR, code="failed")
-            return
-        if begun is None:
+        if (begun := await self.store.begin(job)) is None:
             return
         try:
             worker, error = await self._work(begun, span)

@@ -426,15 +426,11 @@ class ConnectionLimiter:
             client: whose share the connection would use.
         """
         load = self._held.load(client, 1)
-        greedy = load > self.max_per_client or (self.count >= self.maximum and self._is_greedy(client))
-        if greedy:
+        greedy = load > _BROWSER_CONNECTIONS and load * len(self._held) > 2 * self.maximum
+        refused = load > self.max_per_client or (greedy and self.count >= self.maximum)
+        if refused:
             self._log()
-        return greedy
-
-    def _is_greedy(self, client: Client) -> bool:
-        """Whether a client would have over twice its part of all connections, and more than a browser opens."""
-        load = self._held.load(client, 1)
-        return load > _BROWSER_CONNECTIONS and load * len(self._held) > 2 * self.maximum
+        return refused
 
     def note_request(self, connection: _OpenConnection) -> None:
         """Something has been asked on this connection: it does not give way."""
