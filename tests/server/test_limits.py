@@ -5,6 +5,8 @@ import json
 import logging
 import sys
 import time
+import tracemalloc
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -571,6 +573,18 @@ def test_several_limits_apply_together() -> None:
     assert waits[:2] == [0, 0]
     assert 3000 < waits[2] <= 3600
     assert rate.seconds_to_wait(Asker(("you",))) == 0
+
+
+def test_a_client_that_never_rests_takes_no_more_memory_with_time() -> None:
+    seconds = count()
+    rate = RateLimiter(Settings(rate_limit="600/minute").rate_limit, lambda: next(seconds))
+    tracemalloc.start()
+    try:
+        for _ in range(20_000):
+            rate.charge(UNKNOWN, 1.0)
+        assert tracemalloc.get_traced_memory()[0] < 100_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_clock_that_is_set_changes_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
