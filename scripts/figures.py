@@ -213,10 +213,10 @@ def _arrow(picture: Image.Image, path: Floats, colour: Srgb) -> None:
     draw_arrow_head(picture, path[-1], towards / np.hypot(*towards), colour)
 
 
-def _circle(centre: tuple[float, float], radius: float) -> Floats:
+def _circle(center: tuple[float, float], radius: float) -> Floats:
     """Corners of a dot."""
     turn = np.linspace(0, 2 * np.pi, 48)
-    return np.stack([centre[0] + radius * np.cos(turn), centre[1] + radius * np.sin(turn)], axis=-1)
+    return np.stack([center[0] + radius * np.cos(turn), center[1] + radius * np.sin(turn)], axis=-1)
 
 
 # stereo-plan: a relief on a south wall in Bregenz, under skies that the project models.

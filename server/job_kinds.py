@@ -196,7 +196,7 @@ def _estimate_normals(request: Json, report: Report) -> Sequence[str]:
     renamed = _unpack(Path(request["upload"]), request["max_bytes"] // 2)
     stated = request["user_input"]
     known = {name: stated[name] for name in ("latitude", "longitude", "heading", "utc_offset")}
-    pose = {"pitch": request["options"]["camera_elevation"], "roll": request["options"]["camera_roll"]}
+    pose = {name: request["options"][name] for name in ("camera_elevation", "camera_roll")}
 
     def photos(paths: Sequence[Path]) -> Iterator[Path]:
         return _watch(paths, len(paths), lambda part: report(_READ_SHARE * part))

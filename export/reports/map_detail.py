@@ -451,9 +451,9 @@ def draw_camera(panorama: Panorama) -> tuple[float, float]:
 
 def _write_view(panorama: Panorama, estimator: Estimator, file: Path) -> None:
     """Crop a panorama and estimate its light."""
-    yaw, pitch = draw_camera(panorama)
+    yaw, elevation = draw_camera(panorama)
     linear = linearize(panorama, read_picture(panorama))
-    crop = crop_view(linear, yaw, pitch)
+    crop = crop_view(linear, yaw, elevation)
     gain = exposure_gain(crop) if panorama.kind == "hdr" else 1.0
     photo = photo_from_array(tone_map(crop * gain))
     estimate = estimator(photo, UserInput(vertical_fov=CROP_FOV))
@@ -466,15 +466,15 @@ def _write_view(panorama: Panorama, estimator: Estimator, file: Path) -> None:
     np.savez_compressed(file, photo=photo.pixels, truth=truth.astype(np.float16), lighting=record, **stated)
 
 
-def crop_view(linear: NDArray[np.float32], yaw: float, pitch: float) -> NDArray[np.float32]:
+def crop_view(linear: NDArray[np.float32], yaw: float, elevation: float) -> NDArray[np.float32]:
     """A view (CROP_HEIGHT, CROP_WIDTH, 3) of a panorama, the mean of four samples a pixel.
 
     Args:
         linear: (H, 2H, 3), the panorama.
         yaw: deg, the azimuth to which the camera looks.
-        pitch: deg, its elevation.
+        elevation: deg, its elevation.
     """
-    camera = Pinhole(2 * CROP_WIDTH, 2 * CROP_HEIGHT, CROP_FOV, azimuth=yaw, elevation=pitch)
+    camera = Pinhole(2 * CROP_WIDTH, 2 * CROP_HEIGHT, CROP_FOV, azimuth=yaw, elevation=elevation)
     fine = sample_latlong(linear, camera_directions(camera))
     return np.asarray(fine.reshape(CROP_HEIGHT, 2, CROP_WIDTH, 2, 3).mean(axis=(1, 3)), dtype=np.float32)
 

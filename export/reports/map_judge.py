@@ -44,15 +44,15 @@ _FILE = "judged.npz"  # in the cache: features and places
 Features = Callable[[NDArray[np.uint8]], Floats]
 
 
-def judged_views(image: NDArray[np.float32], pitch: float) -> NDArray[np.uint8]:
+def judged_views(image: NDArray[np.float32], elevation: float) -> NDArray[np.uint8]:
     """What is judged of a map: views (7, VIEW_PIXELS, VIEW_PIXELS, 3), sRGB, in the order of _KINDS.
 
     Args:
         image: (H, 2H, 3) linear, with the photo's camera at azimuth 0.
-        pitch: deg, that camera's elevation.
+        elevation: deg, that camera's elevation.
     """
     side = float(np.degrees(np.arctan(np.tan(np.radians(CROP_FOV / 2)) * CROP_WIDTH / CROP_HEIGHT)))
-    edges = [(-side, pitch), (side, pitch), (0.0, pitch + CROP_FOV / 2)]
+    edges = [(-side, elevation), (side, elevation), (0.0, elevation + CROP_FOV / 2)]
     aims = [*edges, *((azimuth, 0.0) for azimuth in VIEW_AZIMUTHS)]
     cameras = [Pinhole(VIEW_PIXELS, VIEW_PIXELS, VIEW_FOV, azimuth=a, elevation=e) for a, e in aims]
     views = [srgb_bytes(sample_latlong(np.clip(image, 0, 1), camera_directions(camera))) for camera in cameras]
@@ -90,7 +90,7 @@ def report_map_judge(data: Path, model: Model, count: int, split: str, cache: Pa
     panoramas, files = prepare_views(data, model, count, split, cache)
     found: dict[str, list[Floats]] = {"true": [], "maps": []}
     for file, panorama in zip(files, panoramas, strict=True):
-        view, look = read_view(file), partial(judged_views, pitch=draw_camera(panorama)[1])
+        view, look = read_view(file), partial(judged_views, elevation=draw_camera(panorama)[1])
         kept = file.with_suffix(".judged.npy")
         if not kept.exists():
             np.save(kept, features(look(view.truth)))

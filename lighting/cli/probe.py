@@ -32,7 +32,12 @@ PROBE_KINDS = ("equidistant", "equisolid", "ball", "latlong")
 
 
 class _MergeCommand(Command):
-    renamed = {**OLD_OPTIONS, "--fov": "--lens-fov"}  # noqa: RUF012 - of the class above
+    renamed = {  # noqa: RUF012 - of the class above
+        **OLD_OPTIONS,
+        "--fov": "--lens-fov",
+        "--centre": "--center",
+        "--pitch": "--camera-elevation",
+    }
 
 
 @cli.group(
@@ -68,9 +73,9 @@ _read_point = common.read_by(_pair, "{text!r} is not two numbers such as 1500,10
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lens", "kind", type=click.Choice(PROBE_KINDS), required=True, help="What took the pictures.")
 @number_option("180", "DEG", "Across the lens's circle. [180]", "--lens-fov", "fov")
-@click.option("--centre", metavar="X,Y", callback=_read_point, help="Of the circle or ball, pixels. [the middle]")
+@click.option("--center", metavar="X,Y", callback=_read_point, help="Of the circle or ball, pixels. [the middle]")
 @number_option("1400", "PIXELS", "Of the circle or ball. [half the shorter side]", "--radius")
-@number_option("90", "DEG", "Where the camera looks: 90 up (fisheyes), 0 level (others).", "--pitch")
+@number_option("90", "DEG", "Where the camera looks: 90 up (fisheyes), 0 level (others).", "--camera-elevation")
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
 @number_option("10", "STOPS", "Filter before the lens.", "--nd", default=0.0, show_default=True)
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 import lighting.cli.outputs as outputs
-from lighting.cli import cli
+from lighting.cli import OLD_OPTIONS, Command, cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, number_option, quiet_option, usage_errors
@@ -179,8 +179,13 @@ def _verdict(plan: "Plan") -> list[str]:
 _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 
+class _NormalsCommand(Command):
+    renamed = {**OLD_OPTIONS, "--pitch": "--camera-elevation", "--roll": "--camera-roll"}  # noqa: RUF012 - of the class above
+
+
 @_stereo.command(
     "normals",
+    cls=_NormalsCommand,
     epilog="""
     lighting stereo normals day/                        # day-normals/ beside it
     lighting stereo normals day/ --heading 10 -o relief
@@ -192,8 +197,10 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.option("--latitude", "--lat", type=FiniteRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
 @click.option("--longitude", "--lon", type=FiniteRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
 @click.option("--heading", type=FiniteRange(-360, 360), metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
-@click.option("--pitch", type=FiniteRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
-@click.option("--roll", type=FiniteRange(-360, 360), default=0.0, metavar="DEG", help="How far it is turned clockwise.")
+@click.option("--camera-elevation", type=FiniteRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
+@click.option(
+    "--camera-roll", type=FiniteRange(-360, 360), default=0.0, metavar="DEG", help="How far it is turned clockwise."
+)
 @click.option(
     "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Of the camera's clock: +02:00 or 2."
 )

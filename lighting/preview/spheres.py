@@ -205,14 +205,14 @@ def limit_pitch(lighting: Lighting) -> float:
     return float(np.clip(lighting.camera_elevation, *PITCH))
 
 
-def sphere_centers(aspect: float, pitch: float) -> NDArray[np.float32]:
+def sphere_centers(aspect: float, elevation: float) -> NDArray[np.float32]:
     """The spheres' centers (3, 3) from the camera.
 
     Args:
         aspect: the picture's width / height.
-        pitch: the camera's elevation in deg.
+        elevation: the camera's elevation in deg.
     """
-    right, up, forward = camera_axes(0.0, pitch, 0.0)
+    right, up, forward = camera_axes(0.0, elevation, 0.0)
     height = _PICTURE_WIDTH / aspect
     middle = forward * geometry.focal_length(height, VERTICAL_FOV) + up * (0.5 - _CENTER_HEIGHT) * height
     return np.asarray(middle + np.array([[-_SPACING], [0.0], [_SPACING]]) * right, dtype=np.float32)

@@ -44,7 +44,7 @@ class Alignment:
 
     @property
     def tilt(self) -> float:
-        """Angle [deg] between the camera's upward direction, by its pitch, and the zenith."""
+        """Angle [deg] between the camera's upward direction, by its elevation, and the zenith."""
         return float(angle_between(self.rotation @ np.array([0.0, 1.0, 0.0]), [0.0, 1.0, 0.0]))
 
 

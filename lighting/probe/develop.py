@@ -54,13 +54,13 @@ class BracketSettings:
     kind: LensKind = "equidistant"
     """The lens's projection."""
     fov: float | None = None
-    """Fov, deg."""
-    centre: tuple[float, float] | None = None
-    """Center, pixels."""
+    """Deg across the circle that the lens fills. None: 180."""
+    center: tuple[float, float] | None = None
+    """Column and row of the circle's or ball's middle, pixels. None: the picture's."""
     radius: float | None = None
-    """Radius, pixels."""
-    pitch: float | None = None
-    """Pitch, deg."""
+    """Of the circle or ball, pixels. None: half the shorter side."""
+    camera_elevation: float | None = None
+    """Deg, -90 to 90, of the direction in which the camera looks. None: up by a fisheye, else level."""
     mirrored: bool = False
     """Whether left and right are swapped."""
     nd: float = 0.0
@@ -75,14 +75,14 @@ class BracketSettings:
     """A clipped sun is taken from the model."""
 
     def __post_init__(self) -> None:
-        _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
+        _check_finite("The lens", self.fov, *(self.center or ()), self.radius, self.camera_elevation, self.nd, self.yaw)
         check_lens(self.kind, self.fov, self.radius)
         if not 0.0 <= self.nd <= _MAX_STOPS:
             sentence = f"The filter has {self.nd:g} stops; it must have 0 to {_MAX_STOPS:g}."
             raise ProbeError(sentence, "nd", ErrorCode.OUT_OF_RANGE)
-        if self.pitch is not None and not -90.0 <= self.pitch <= 90.0:
-            sentence = f"The camera looks {self.pitch:g} deg up; that must lie in -90 to 90."
-            raise ProbeError(sentence, "pitch", ErrorCode.OUT_OF_RANGE)
+        if self.camera_elevation is not None and not -90.0 <= self.camera_elevation <= 90.0:
+            sentence = f"The camera looks {self.camera_elevation:g} deg up; that must lie in -90 to 90."
+            raise ProbeError(sentence, "camera_elevation", ErrorCode.OUT_OF_RANGE)
 
 
 @dataclass(frozen=True)
@@ -262,8 +262,10 @@ def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracke
     relative = lengths.relative / 2.0**settings.nd
     merged = merge_exposures(bracket, relative)
     height, width = merged.clipped.shape
-    circle = {"fov": settings.fov, "centre": settings.centre, "radius": settings.radius}
-    lens = make_lens(settings.kind, width, height, **circle, pitch=settings.pitch, mirrored=settings.mirrored)
+    circle = {"fov": settings.fov, "center": settings.center, "radius": settings.radius}
+    lens = make_lens(
+        settings.kind, width, height, **circle, elevation=settings.camera_elevation, mirrored=settings.mirrored
+    )
     merged = dequantize(merged, bracket, relative, SMOOTHING_REACH * pixels_per_degree(lens))
     spot = find_sun_blob(*resample_to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), _SEARCH_HEIGHT))
     return _MergedBracket(merged, lens, spot, (*bracket.warnings, *lengths.warnings))

@@ -19,8 +19,8 @@ from lighting.probe.sun_detection import Mask
 
 LensKind = Literal["equidistant", "equisolid", "ball", "latlong"]
 # what can be told of other lenses, but does nothing with these
-UNUSED_LENS_OPTIONS: dict[LensKind, tuple[str, ...]] = {"ball": ("fov",), "latlong": ("fov", "centre", "radius")}
-_PITCH = {"equidistant": 90.0, "equisolid": 90.0, "ball": 0.0, "latlong": 0.0}
+UNUSED_LENS_OPTIONS: dict[LensKind, tuple[str, ...]] = {"ball": ("fov",), "latlong": ("fov", "center", "radius")}
+_ELEVATIONS = {"equidistant": 90.0, "equisolid": 90.0, "ball": 0.0, "latlong": 0.0}
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Lens:
     """Columns of the photo, pixels."""
     height: int
     """Rows of the photo, pixels."""
-    centre: tuple[float, float]
+    center: tuple[float, float]
     """X and y of the axis."""
     radius: float
     """Of the circle that the lens fills, or of the ball."""
     fov: float = 180.0
     """Deg across that circle; a ball shows everything."""
-    pitch: float = 90.0
+    elevation: float = 90.0
     """Deg, elevation of the direction in which the camera looks."""
     mirrored: bool = False
     """The picture was flipped left to right."""
@@ -52,19 +52,19 @@ def make_lens(kind: LensKind, width: int, height: int, **options: Any) -> Lens:
         kind: its projection.
         width: pixels of the picture.
         height: pixels of the picture.
-        **options: fields of `Lens` by name: centre, radius, fov, pitch, mirrored. None is the default.
+        **options: fields of `Lens` by name: center, radius, fov, elevation, mirrored. None is the default.
 
     Raises:
         ProbeError: no picture has such a field of view or circle, or a panorama is not twice as wide as high.
     """
     stated = {name: value for name, value in options.items() if value is not None}
-    fullest = Lens(kind, width, height, (width / 2, height / 2), min(width, height) / 2, pitch=_PITCH[kind])
+    fullest = Lens(kind, width, height, (width / 2, height / 2), min(width, height) / 2, elevation=_ELEVATIONS[kind])
     lens = replace(fullest, **stated)
     if kind == "latlong" and width != 2 * height:
         raise ProbeError(f"A lat-long picture is twice as wide as high, not {width} x {height} pixels.")
     check_lens(kind, lens.fov, lens.radius)
-    if not (0 <= lens.centre[0] <= width and 0 <= lens.centre[1] <= height):
-        raise ProbeError("The lens's circle must have its center in the picture.", "centre", ErrorCode.OUT_OF_RANGE)
+    if not (0 <= lens.center[0] <= width and 0 <= lens.center[1] <= height):
+        raise ProbeError("The lens's circle must have its center in the picture.", "center", ErrorCode.OUT_OF_RANGE)
     return lens
 
 
@@ -101,15 +101,17 @@ def project_to_lens(lens: Lens, directions: ArrayLike) -> Floats:
     """
     unit = np.asarray(directions, dtype=np.float64)
     if lens.kind == "latlong":
-        raised = camera_axes(0.0, lens.pitch, 0.0).T @ camera_axes(0.0, 0.0, 0.0)  # a panorama's own axis, by the pitch
+        raised = camera_axes(0.0, lens.elevation, 0.0).T @ camera_axes(
+            0.0, 0.0, 0.0
+        )  # a panorama's own axis, by the elevation
         pixel = latlong_pixel(unit @ raised, lens.height)
         return np.stack([lens.width - pixel[..., 0] if lens.mirrored else pixel[..., 0], pixel[..., 1]], axis=-1)
-    right, up, forward = np.moveaxis(unit @ camera_axes(0.0, lens.pitch, 0.0).T, -1, 0)
+    right, up, forward = np.moveaxis(unit @ camera_axes(0.0, lens.elevation, 0.0).T, -1, 0)
     lateral = np.hypot(right, up)
     reach = lens.radius * _radius_of_angle(lens, np.arctan2(lateral, forward))
     per_side = reach / np.maximum(lateral, 1e-12)
-    x = lens.centre[0] + (-1 if lens.mirrored else 1) * right * per_side
-    pixel = np.stack([x, lens.centre[1] - up * per_side], axis=-1)
+    x = lens.center[0] + (-1 if lens.mirrored else 1) * right * per_side
+    pixel = np.stack([x, lens.center[1] - up * per_side], axis=-1)
     return np.where((reach <= lens.radius * (1 + 1e-9))[..., None], pixel, np.nan)
 
 
@@ -127,13 +129,13 @@ def unproject_from_lens(lens: Lens, pixels: ArrayLike) -> Floats:
     if lens.kind == "latlong":
         column = lens.width - x if lens.mirrored else x
         seen = direction((column / lens.width - 0.5) * 360.0, (0.5 - y / lens.height) * 180.0)
-        return np.asarray(seen @ (camera_axes(0.0, 0.0, 0.0).T @ camera_axes(0.0, lens.pitch, 0.0)))
-    right, up = (x - lens.centre[0]) / lens.radius, (lens.centre[1] - y) / lens.radius
+        return np.asarray(seen @ (camera_axes(0.0, 0.0, 0.0).T @ camera_axes(0.0, lens.elevation, 0.0)))
+    right, up = (x - lens.center[0]) / lens.radius, (lens.center[1] - y) / lens.radius
     reach = np.hypot(right, up)
     theta = _angle_of_radius(lens, np.minimum(reach, 1.0))
     scale = np.sin(theta) / np.maximum(reach, 1e-12)
     directions = np.stack([(-1 if lens.mirrored else 1) * right * scale, up * scale, np.cos(theta)], axis=-1)
-    return np.where((reach <= 1 + 1e-9)[..., None], directions @ camera_axes(0.0, lens.pitch, 0.0), np.nan)
+    return np.where((reach <= 1 + 1e-9)[..., None], directions @ camera_axes(0.0, lens.elevation, 0.0), np.nan)
 
 
 def pixels_per_degree(lens: Lens) -> float:
@@ -247,6 +249,6 @@ def _reduce_picture(picture: Floats, lens: Lens, height: int) -> tuple[Floats, L
     rows, columns = (-(-size // factor) for size in picture.shape[:2])
     padding = [(0, rows * factor - lens.height), (0, columns * factor - lens.width), (0, 0)]
     blocks = np.pad(picture, padding).reshape(rows, factor, columns, factor, -1)
-    center = (lens.centre[0] / factor, lens.centre[1] / factor)
-    small = replace(lens, width=columns, height=rows, centre=center, radius=lens.radius / factor)
+    center = (lens.center[0] / factor, lens.center[1] / factor)
+    small = replace(lens, width=columns, height=rows, center=center, radius=lens.radius / factor)
     return blocks.mean(axis=(1, 3)), small

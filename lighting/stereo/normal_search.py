@@ -34,7 +34,7 @@ class Pose:
 
     heading: float = 0.0
     """Deg clockwise from true north, where the camera looks."""
-    pitch: float = 0.0
+    elevation: float = 0.0
     """Deg, positive looks up."""
     roll: float = 0.0
     """Deg, positive turns the camera clockwise as its holder sees it."""
@@ -42,7 +42,7 @@ class Pose:
 
 def _axes(pose: Pose) -> Floats:
     """The camera frame's X, Y and Z as rows (3, 3) in world axes."""
-    right, up, forward = camera_axes(pose.heading, pose.pitch, pose.roll)
+    right, up, forward = camera_axes(pose.heading, pose.elevation, pose.roll)
     return np.stack([right, up, -forward])
 
 

@@ -195,9 +195,9 @@ class NormalsOptions:
     """Deg, positive east."""
     heading: float | None = None
     """Deg clockwise from true north, where the camera looks."""
-    pitch: float = 0.0
+    camera_elevation: float = 0.0
     """Deg, positive looks up."""
-    roll: float = 0.0
+    camera_roll: float = 0.0
     """Deg, positive turns the camera clockwise as its holder sees it."""
     utc_offset: float | None = None
     """Hours, of the camera's clock and of the probes' names."""
@@ -275,7 +275,7 @@ def estimate_normals(
     if heading is None:
         sentence = "The photos do not say which way the camera looked; give --heading in degrees from north."
         raise ParameterError(sentence, "heading", ErrorCode.MISSING)
-    pose = Pose(heading, options.pitch, options.roll)
+    pose = Pose(heading, options.camera_elevation, options.camera_roll)
     with trace_step("map"):
         skies, turbidity = _skies(photos, options, pose)
     _check_sun_moves(skies)

@@ -132,7 +132,12 @@ def measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: floa
     picture = photograph_sky(lighting, lens, rotation)
     bracket = make_bracket(expose_bracket(picture, camera, np.random.default_rng(seed)))
     settings = BracketSettings(
-        kind=lens.kind, fov=lens.fov, centre=lens.centre, radius=lens.radius, pitch=lens.pitch, height=_MAP_HEIGHT
+        kind=lens.kind,
+        fov=lens.fov,
+        center=lens.center,
+        radius=lens.radius,
+        camera_elevation=lens.elevation,
+        height=_MAP_HEIGHT,
     )
     probe = make_probe(bracket, moment, settings)
     assert probe.spot is not None

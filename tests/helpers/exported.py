@@ -209,7 +209,7 @@ def _read_unreal(folder: Path) -> ExportedScene:
     sun, camera = numbers["sun"], numbers["camera"]
     forward, right, up = axes(camera["rotation"])
     angle = np.radians(-numbers["sky"]["angle"])  # lookups turn by the angle; the map's center is -Y
-    centre = ours([np.sin(angle), -np.cos(angle), 0.0])
+    center = ours([np.sin(angle), -np.cos(angle), 0.0])
     ball = numbers["placeholder"]["ball"]
     environment = cv2.imread(str(folder / numbers["environment"]), cv2.IMREAD_UNCHANGED)
     assert environment is not None
@@ -223,7 +223,7 @@ def _read_unreal(folder: Path) -> ExportedScene:
         spot=ours(np.array(ball["location"]) - [0, 0, ball["size"][2] / 2]) / 100,
         lit_ground=_lit_surface(folder / numbers["albedo"], folder / numbers["emission"], folder / numbers["plate"]),
         environment=np.asarray(environment[..., ::-1], dtype=np.float64),
-        map_azimuth=float(angles(centre)[0]),
+        map_azimuth=float(angles(center)[0]),
     )
 
 

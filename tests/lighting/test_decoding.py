@@ -69,8 +69,8 @@ def test_a_network_that_overshoots_is_clipped_into_the_ranges(sign: float) -> No
         assert getattr(lighting, name) == RANGES[name][sign > 0]
 
 
-def bell(centre: float, spread: float) -> np.ndarray:
-    curve = von_mises(HEADINGS - centre, spread)
+def bell(center: float, spread: float) -> np.ndarray:
+    curve = von_mises(HEADINGS - center, spread)
     return np.asarray(curve / curve.sum())
 
 

@@ -146,8 +146,8 @@ def test_cells_over_their_own_cells_stay() -> None:
 angles_ = st.floats(0.0, 360.0)
 
 
-def bell(centre: float, spread: float) -> np.ndarray:
-    curve = von_mises(HEADINGS - centre, spread)
+def bell(center: float, spread: float) -> np.ndarray:
+    curve = von_mises(HEADINGS - center, spread)
     return np.asarray(curve / curve.sum())
 
 
@@ -157,9 +157,9 @@ def test_a_narrow_von_mises_is_a_normal_curve() -> None:
 
 
 @given(angles_, st.floats(4.0, 30.0))
-def test_a_heading_is_the_middle_of_its_bell(centre: float, spread: float) -> None:
-    found = heading_from_probability(bell(centre, spread))
-    assert abs(float(wrap_azimuth(found.best - centre))) < 0.5
+def test_a_heading_is_the_middle_of_its_bell(center: float, spread: float) -> None:
+    found = heading_from_probability(bell(center, spread))
+    assert abs(float(wrap_azimuth(found.best - center))) < 0.5
     assert 0.0 <= found.best < 360.0
 
 

@@ -28,11 +28,11 @@ describe("the sun's probability", () => {
 
 /** The golden spiral of `lighting.sun_grid` with a lobe of 6 degrees at azimuth 50, elevation 40. */
 function fibonacci(count: number): { ray: readonly [number, number, number]; probability: number }[] {
-  const centre = direction(50, 40);
+  const center = direction(50, 40);
   const cells = Array.from({ length: count }, (_, i) => {
     const elevation = (Math.asin(1 - (i + 0.5) / count) * 180) / Math.PI;
     const ray = direction(i * 180 * (3 - Math.sqrt(5)), elevation);
-    const cosine = ray[0] * centre[0] + ray[1] * centre[1] + ray[2] * centre[2];
+    const cosine = ray[0] * center[0] + ray[1] * center[1] + ray[2] * center[2];
     return { ray, probability: Math.exp(80 * (cosine - 1)) };
   });
   const total = cells.reduce((sum, { probability }) => sum + probability, 0);

@@ -107,7 +107,7 @@ describe("the sphere's pictures", () => {
     expect(fromDome([0.9, 0.9])).toBeNull();
   });
 
-  it("show the map with azimuth 0 at its centre and right on the right", () => {
+  it("show the map with azimuth 0 at its center and right on the right", () => {
     expectNear(toMap(direction(0, 0)), [1, 0.5]);
     expectNear(toMap(direction(90, 45)), [1.5, 0.25]);
   });

@@ -100,8 +100,8 @@ def test_the_map_is_seen_from_the_camera(looking: float, mirrored: bool, column:
     cells = surroundings_in_camera(coarse_radiance(lit_at(90.0)), camera, ONE)
     assert cells.size == 3 * CELLS
     for plane in cells.reshape(ROWS, COLUMNS, 3).transpose(2, 0, 1):
-        centre = np.average(np.arange(COLUMNS) + 0.5, weights=(plane[: ROWS // 2] - plane.min()).sum(axis=0))
-        assert centre == pytest.approx(column, abs=0.3)
+        center = np.average(np.arange(COLUMNS) + 0.5, weights=(plane[: ROWS // 2] - plane.min()).sum(axis=0))
+        assert center == pytest.approx(column, abs=0.3)
         assert np.ptp(plane[ROWS // 2 :]) < 1e-4
 
 

@@ -154,10 +154,16 @@ def test_old_names_mean_the_new_ones(old: list[str], new: list[str], photo_path:
     assert before == now != ""
 
 
-def test_the_old_name_of_a_probes_lens_is_hidden() -> None:
-    merge = dict(all_commands())["probe merge"]
-    arguments = [__file__, "--lens", "equidistant", "--fov=170"]
-    assert merge.make_context("merge", arguments).params["fov"] == 170.0
+def test_old_names_of_a_lens_and_of_a_camera_are_hidden(tmp_path: Path) -> None:
+    merge, normals = (dict(all_commands())[name] for name in ("probe merge", "stereo normals"))
+    arguments = [__file__, "--lens", "equidistant", "--fov=170", "--pitch", "80", "--centre", "3,4"]
+    params = merge.make_context("merge", arguments).params
+    assert (params["fov"], params["camera_elevation"], params["center"]) == (170.0, 80.0, (3.0, 4.0))
+    params = normals.make_context("normals", [str(tmp_path), "--pitch", "5", "--roll=-2"]).params
+    assert (params["camera_elevation"], params["camera_roll"]) == (5.0, -2.0)
+    for name in ("probe merge", "stereo normals"):
+        shown = invoke_command(*name.split(), "--help").stdout
+        assert not any(f" {old} " in shown for old in ("--pitch", "--roll", "--centre"))
     assert "--fov" not in invoke_command("probe", "merge", "--help").stdout.split("Examples:")[0].replace(
         "--lens-fov", ""
     )

@@ -98,7 +98,7 @@ def test_bad_exposures_end_as_one_sentence(exposures: list[Path], tmp_path: Path
         ((exposures[0],), "only one"),
         ((*exposures, "--time", "2024-06-01T23:00Z"), "night"),
         ((*exposures, "--curve", "srgb", "--time", "2024-06-01T09:00Z"), "--curve linear"),
-        ((*exposures, "--centre", "4000,3"), "center in the picture"),
+        ((*exposures, "--center", "4000,3"), "center in the picture"),
     ):
         result = run("merge", *given, *base)
         assert result.exit_code == 1, result.output
@@ -115,7 +115,7 @@ def test_what_is_not_known_is_asked_for(exposures: list[Path], tmp_path: Path) -
         ((*exposures, *WHERE, "-o", tmp_path / "a.png"), "must end in .exr"),
         ((*exposures, *WHERE, "-o", tmp_path / "none" / "a.exr"), "no folder"),
         ((*exposures, *WHERE, "--series", "-o", target), "fills a folder"),
-        ((*exposures, *WHERE, "--centre", "12", "-o", target), "two numbers"),
+        ((*exposures, *WHERE, "--center", "12", "-o", target), "two numbers"),
     ):
         result = run("merge", *given, "--lens", "equidistant")
         assert result.exit_code == 2, result.output
@@ -176,7 +176,7 @@ def test_no_exposure_is_replaced(tmp_path: Path) -> None:
     [
         ("latlong", "--lens-fov", "90"),
         ("latlong", "--radius", "10"),
-        ("latlong", "--centre", "3,4"),
+        ("latlong", "--center", "3,4"),
         ("ball", "--lens-fov", "90"),
     ],
 )
@@ -192,9 +192,9 @@ def test_options_that_the_lens_does_not_have_are_wrong_usage(
     [
         ("--nd", "-3", "0 to 40"),
         ("--nd", "2000", "0 to 40"),
-        ("--pitch", "91", "-90 to 90"),
+        ("--camera-elevation", "91", "-90 to 90"),
         ("--fov", "400", "up to 360"),
-        ("--centre", "nan,3", "not finite"),
+        ("--center", "nan,3", "not finite"),
         ("--radius", "-3", "must be over 0"),
         ("--yaw", "inf", "not finite"),
     ],

@@ -27,7 +27,9 @@ def day(tmp_path: Path) -> Path:
 PLACE = ("--lat", "47", "--lon", "8", "--heading", "0", "--utc-offset", "2")
 
 
-@pytest.mark.parametrize("option", ["--heading", "--pitch", "--roll", "--noise", "--turbidity", "--lat", "--lon"])
+@pytest.mark.parametrize(
+    "option", ["--heading", "--camera-elevation", "--camera-roll", "--noise", "--turbidity", "--lat", "--lon"]
+)
 @pytest.mark.parametrize("value", ["nan", "inf", "400"])
 def test_numbers_out_of_range_are_wrong_usage(day: Path, tmp_path: Path, option: str, value: str) -> None:
     result = invoke_command("stereo", "normals", day, *PLACE, option, value, "-o", tmp_path / "out")

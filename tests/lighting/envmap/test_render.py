@@ -170,8 +170,8 @@ def test_the_disc_is_where_the_sun_is(azimuth: float, elevation: float) -> None:
     directions = latlong_directions(height)[: height // 2]
     pixel_diagonal = 2**0.5 * 180 / height
     assert angle_between(directions[disc > 0], light.sun_direction).max() < SUN_RADIUS + pixel_diagonal / 2
-    centre = np.tensordot(disc * latlong_solid_angle(height)[: height // 2, None], directions, axes=2)
-    assert angle_between(centre, light.sun_direction) < (0.02 if elevation > 0.3 else SUN_RADIUS)
+    center = np.tensordot(disc * latlong_solid_angle(height)[: height // 2, None], directions, axes=2)
+    assert angle_between(center, light.sun_direction) < (0.02 if elevation > 0.3 else SUN_RADIUS)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(0, 0), (2, 0), (0, 2), (-3, 0), (6, 0)])

@@ -229,7 +229,9 @@ def test_numbers_that_are_not_finite_are_refused() -> None:
         Moment(NOON.time, float("nan"), 8.0)
 
 
-@pytest.mark.parametrize("told", [{"nd": -1.0}, {"nd": 500.0}, {"pitch": 100.0}, {"fov": 361.0}, {"radius": 0.0}])
+@pytest.mark.parametrize(
+    "told", [{"nd": -1.0}, {"nd": 500.0}, {"camera_elevation": 100.0}, {"fov": 361.0}, {"radius": 0.0}]
+)
 def test_numbers_that_cannot_be_are_refused(told: dict[str, float]) -> None:
     """500 stops made a map of infinite radiance."""
     with pytest.raises(ProbeError, match="0"):

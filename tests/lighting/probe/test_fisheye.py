@@ -61,10 +61,10 @@ def test_a_ball_shows_the_camera_in_its_middle_and_what_is_behind_it_at_its_edge
 
 @pytest.mark.parametrize("kind", get_args(LensKind))
 @pytest.mark.parametrize("mirrored", [False, True])
-@pytest.mark.parametrize("pitch", [None, 20.0])
-def test_directions_come_back_to_their_pixels(kind: LensKind, mirrored: bool, pitch: float | None) -> None:
+@pytest.mark.parametrize("elevation", [None, 20.0])
+def test_directions_come_back_to_their_pixels(kind: LensKind, mirrored: bool, elevation: float | None) -> None:
     width = 400 if kind == "latlong" else 210
-    lens = make_lens(kind, width, 200, mirrored=mirrored, pitch=pitch)
+    lens = make_lens(kind, width, 200, mirrored=mirrored, elevation=elevation)
     rng = np.random.default_rng(1)
     pixels = np.stack([rng.uniform(0, width, 300), rng.uniform(0, 200, 300)], axis=-1)
     towards = unproject_from_lens(lens, pixels)
@@ -80,7 +80,7 @@ def test_pixels_per_degree_are_those_of_the_axis() -> None:
 
 
 def test_impossible_lenses_are_refused() -> None:
-    for told in ({"fov": 0.0}, {"fov": 400.0}, {"radius": 0.0}, {"centre": (500.0, 10.0)}):
+    for told in ({"fov": 0.0}, {"fov": 400.0}, {"radius": 0.0}, {"center": (500.0, 10.0)}):
         with pytest.raises(ProbeError):
             make_lens("equidistant", 200, 200, **told)
     with pytest.raises(ProbeError, match="twice as wide"):
@@ -89,7 +89,7 @@ def test_impossible_lenses_are_refused() -> None:
 
 @pytest.mark.parametrize("kind", get_args(LensKind))
 def test_what_a_lens_does_not_have_changes_nothing(kind: LensKind) -> None:
-    told = {"fov": 150.0, "centre": (90.0, 95.0), "radius": 80.0}
+    told = {"fov": 150.0, "center": (90.0, 95.0), "radius": 80.0}
     towards = direction(80.0, 35.0)
     usual = project_to_lens(make_lens(kind, 400, 200), towards)
     for name, value in told.items():

@@ -113,7 +113,7 @@ def test_the_fisheye_stack_has_its_ratios_its_clipped_sun_and_its_lens_residual(
     ratios = [ratio.value for ratio in measure_ratios(bracket).ratios if ratio is not None]
     # From the sixth exposure on the camera's times follow a 1-2-5 series; the shorter ones show the sun alone.
     assert ratios[5:] == pytest.approx([2, 2, 2.5, 2.5, 4, 2.5, 2], rel=0.05)
-    told = BracketSettings(centre=ALPNACH_CIRCLE[0], radius=ALPNACH_CIRCLE[1], height=64)
+    told = BracketSettings(center=ALPNACH_CIRCLE[0], radius=ALPNACH_CIRCLE[1], height=64)
     probe = make_probe(bracket, ALPNACH, told)
     assert "clipped in every exposure" in probe.warnings[0]
     assert probe.sun_error == pytest.approx(4.6, abs=1.0)

@@ -107,11 +107,11 @@ def test_the_backdrop_faces_the_camera_and_fills_its_picture(level: stand_in.Lev
 def test_ball_and_stick_stand_on_the_spot(level: stand_in.Level) -> None:
     scene = sunlit_scene()
     made = scene.placeholder
-    for label, centre, size in (
+    for label, center, size in (
         ("Ball", made.ball_center, [2 * made.ball_radius] * 3),
         ("Stick", made.stick_center, [2 * made.stick_radius] * 2 + [made.stick_height]),
     ):
-        assert level[label].location.array == pytest.approx(100 * to_unreal(scene.spot + centre))
+        assert level[label].location.array == pytest.approx(100 * to_unreal(scene.spot + center))
         assert level[label].scale.array == pytest.approx(size)
 
 
