@@ -7,7 +7,8 @@
 # Seen: PyAV 16.1 and OpenCV 4.12 ignore the tag, and the later ones obey it. Nothing is said. Grass of (80, 140, 40) in
 # a 720p clip tagged BT.709 is read as (83, 150, 42) by the older, and a sky of (110, 170, 235) as (114, 170, 231). Gray
 # stays. A clip that names no matrix, as many do, is read by BT.601 by all of them, at 720p too.
-# So measured colors move when a library is updated. Name the matrix: with PyAV by `src_colorspace` of `reformat`.
+# So measured colors move when a library is updated. Name the matrix: with PyAV by `src_colorspace` of `reformat`, and
+# another `dst_colorspace`, without which 16.1 does not look at it in a tagged clip.
 #
 # Usage: findings/video_matrix_tags.sh; PYTHON names a Python 3.11. It ends with 1 where this changes.
 set -euo pipefail
