@@ -26,7 +26,7 @@ _SOI, _EOI, _SOS, _APP1 = 0xD8, 0xD9, 0xDA, 0xE1
 _SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
 _FRAMES = (*_SEQUENTIAL, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 _DCT = (0xC0, 0xC1, 0xC2)  # what any decoder reads
-_MARKER = re.compile(rb"\xff[\x02-\xcf\xd8-\xfe]")  # of a segment: no stuffed byte, TEM, RST0 to RST7 or fill
+_MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd7\xff]")  # of a segment: no stuffed byte, TEM, RST0 to RST7 or fill
 
 # PNG and WebP
 _MAX_CHUNKS = 20_000  # libpng writes 8 KiB each: 64 MB make 7,800

@@ -169,7 +169,7 @@ _PHOTOS = (("JPEG", rb"\xff\xd8\xff(?!\xf7)"), ("PNG", rb"\x89PNG\r\n\x1a\n"))  
 _TGA_HEAD = rb"(?s).[\x00\x01][\x01-\x03\x09-\x0b].{13}[\x08\x0f\x10\x18\x20][\x00-\x3f]"
 _TGA_UNCOMPRESSED = (1, 2, 3)
 _TEXT_HEAD = 4096  # bytes
-_MARKUP = rb"(?i)(?:\xef\xbb\xbf)?\s*(?:<\?xml|<!DOCTYPE|<!--|<svg|<html|<x:xmpmeta|<head|<body)"
+_MARKUP = rb"(?i)(?:\xef\xbb\xbf)?\s*+(?:<\?xml|<!DOCTYPE|<!--|<svg|<html|<x:xmpmeta|<head|<body)"
 _WEBP = rb"(?s)RIFF.{4}WEBP"
 
 
@@ -274,7 +274,7 @@ _CLIPS: _Kinds = (
 _PICTURES: _Kinds = (
     ("a HEIF of the kind {brand}", rb".{4}ftyp"), ("a TGA (Targa)", _is_tga), ("a PBM", rb"P[14][ \t\r\n#]"),
     ("a PGM", rb"P[25][ \t\r\n#]"), ("a PPM", rb"P[36][ \t\r\n#]"), ("a PAM", rb"P7[ \t\r\n#]"),
-    ("a PFM", rb"P[fF][ \t\r\n#]"), ("a BMP", rb"BM.{12}[\x0c\x10(48@l|]\0\0\0"),  # the length of the second header
+    ("a PFM", rb"P[fF][ \t\r\n#]"), ("a BMP", rb"BM.{12}[\x0c\x10(48@l|](?:\0{3}|\0{0,2}\Z)"),  # length of the header
     ("a PCX", rb"\x0a[\x00\x02-\x05]\x01[\x01\x02\x04\x08]"), ("a PDF", rb"%PDF|.{0,1019}%PDF-"),
     ("an EMF", rb".{40} EMF"),
     ("a DICOM picture", rb".{128}DICM"), ("a PICT", rb".{522}\0\x11\x02\xff"),
@@ -307,9 +307,9 @@ _PICTURES: _Kinds = (
 )  # fmt: skip
 _OTHERS: _Kinds = (  # of which no picture can be made
     ("a TAR archive", rb".{257}ustar"), ("a WAV", rb"RIFF.{4}WAVE"),
-    ("a file of zeros alone, as a broken copy leaves it", rb"\0*\Z"),
+    ("a file of zeros alone, as a broken copy leaves it", rb"\0*+\Z"),
     ("a page of the web (HTML)", _is_html), ("an XML file", _MARKUP),
-    ("a JSON file", rb"(?:\xef\xbb\xbf)?\s*(?:\{\s*\"|\[\s*[\[{\"\d])"), ("an ICC profile", rb".{36}acsp"),
+    ("a JSON file", rb"(?:\xef\xbb\xbf)?\s*+(?:\{\s*+\"|\[\s*+[\[{\"\d])"), ("an ICC profile", rb".{36}acsp"),
     ("a Blender file", rb"BLENDER"), ("a glTF scene (GLB)", rb"glTF"), ("a USD scene", rb"PXR-USDC"),
     ("a ZIP archive", rb"PK\x03\x04"), ("a gzip archive", rb"\x1f\x8b"), ("a 7z archive", rb"7z\xbc\xaf"),
     ("a RAR archive", rb"Rar!"), ("an XZ archive", rb"\xfd7zXZ"), ("a bzip2 archive", rb"BZh"),

@@ -101,9 +101,8 @@ def project_to_lens(lens: Lens, directions: ArrayLike) -> Floats:
     """
     unit = np.asarray(directions, dtype=np.float64)
     if lens.kind == "latlong":
-        raised = camera_axes(0.0, lens.elevation, 0.0).T @ camera_axes(
-            0.0, 0.0, 0.0
-        )  # a panorama's own axis, by the elevation
+        # A panorama's own axis, by the elevation.
+        raised = camera_axes(0.0, lens.elevation, 0.0).T @ camera_axes(0.0, 0.0, 0.0)
         pixel = latlong_pixel(unit @ raised, lens.height)
         return np.stack([lens.width - pixel[..., 0] if lens.mirrored else pixel[..., 0], pixel[..., 1]], axis=-1)
     right, up, forward = np.moveaxis(unit @ camera_axes(0.0, lens.elevation, 0.0).T, -1, 0)

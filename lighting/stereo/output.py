@@ -12,7 +12,7 @@ Integration: A Survey, JMIV 2018), without one the camera is orthographic.
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -294,7 +294,9 @@ def estimate_normals(
         "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
         "times_utc": [str(time) for time in photos.times],
         "sun_direction": skies.sun_direction.tolist(),
-        **asdict(pose),
+        "heading": pose.heading,
+        "camera_elevation": pose.elevation,
+        "camera_roll": pose.roll,
         "sky": str(options.probes or "clear"),
         "turbidity": turbidity,
     }

@@ -451,7 +451,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], objec
                         if (plate := read_plate(int(shot.frames[0]))) is not None:
                             result.scene_warnings[number] = _write_scene(job, number, shot_map, plate, clip)
                     except (SceneError, VideoError, OSError) as error:
-                        scene_error = error
+                        scene_error = error.with_traceback(None)  # which would keep the map
                 if options.film and shot_map.context is not None:
                     skies[number] = _ShotSky(shot_map.render_sky(FILM_MAP_HEIGHT), shot_map.heading)
                 del shot_map  # which holds a map as large as those written

@@ -121,6 +121,7 @@ def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path
     names = sorted([*both, "mesh.ply", "normals.json"])
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     record = json.loads((tmp_path / "out" / "normals.json").read_text())
+    assert [record[name] for name in ("heading", "camera_elevation", "camera_roll")] == [20.0, 0.0, 0.0]
     assert abs(record["turbidity"] - 3) < 0.5  # nobody said it; the photos are of 3
     truth, mask, _ = ball()
     found = read_exr(tmp_path / "out" / "normals_camera.exr")[0]
