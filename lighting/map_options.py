@@ -252,6 +252,10 @@ class MapOptions:
         adjustments = Adjustments(**{**stated, "sun": sun and tuple(sun)})
         return cls(**{**values, "adjustments": adjustments})
 
+    def of_record(self) -> Self:
+        """Return the options without what is of a map alone: its turn, and the sky that it paints."""
+        return replace(self, yaw=0.0, sky=None)
+
     def refuse(self, thing: str, *names: str) -> None:
         """Raise ParameterError for options that say nothing of a thing.
 

@@ -92,11 +92,10 @@ def render_map(
         ParameterError: the light does not fit a map.
     """
     from lighting.envmap.surroundings import render_strips, render_view
-    from lighting.light_probe import compute_light_probe
 
     light = light_of_map(lighting, options)
     with trace_step("map"), ONE_BLAS_THREAD:
-        probe = compute_light_probe(light, context, sun=options.sun, yaw=options.yaw)
+        probe = _probe_of_map(light, options, context)
         if len(column_blocks(options.height)) > 1:  # which takes hundreds of megabytes
             return_memory()
         values: Any = {"sun": options.sun, "yaw": options.yaw, "context": context, "disc": options.disc}
@@ -109,6 +108,30 @@ def render_map(
             return RenderedMap(strips, rotate_lighting(light, options.yaw) if options.yaw else light, probe)
         image, shown = render_view(light, options.height, **values)
     return RenderedMap(lambda: iter((image,)), shown, probe)
+
+
+def compute_map_probe(
+    lighting: Lighting, options: MapOptions = DEFAULT_MAP, context: "PhotoContext | None" = None
+) -> LightProbe:
+    """Compute the light probe of the map that `render_map` makes of the same, but for the map's detail.
+
+    Args:
+        lighting: any.
+        options: of the map.
+        context: as in `render_map`.
+
+    Raises:
+        ParameterError: the light does not fit a map.
+    """
+    light = light_of_map(lighting, options)
+    with trace_step("map"), ONE_BLAS_THREAD:
+        return _probe_of_map(light, options, context)
+
+
+def _probe_of_map(light: Lighting, options: MapOptions, context: "PhotoContext | None") -> LightProbe:
+    from lighting.light_probe import compute_light_probe
+
+    return compute_light_probe(light, context, sun=options.sun, yaw=options.yaw)
 
 
 describe_fields(RenderedMap)
@@ -263,11 +286,7 @@ class Estimate(EstimatedLight):
         Args:
             options: of the map.
         """
-        from lighting.light_probe import compute_light_probe
-
-        light = light_of_map(self.lighting, options)
-        with trace_step("map"), ONE_BLAS_THREAD:
-            return compute_light_probe(light, self.context(options), sun=options.sun, yaw=options.yaw)
+        return compute_map_probe(self.lighting, options, self.context(options))
 
     def preview(self, options: MapOptions = DEFAULT_MAP, **keywords: Unpack[MapKeywords]) -> "Pictures.Image":
         """Draw the photo, the sun's probability, the map and three spheres in the light, 1600 pixels wide.

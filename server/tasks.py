@@ -16,9 +16,9 @@ from lighting.fields import Json
 from lighting.files import encode_jpeg
 from lighting.files.deflate import encode_png
 from lighting.ground import draw_ground_mask, find_lit_spot
-from lighting.light_probe import compute_light_probe, encode_light_probe
+from lighting.light_probe import encode_light_probe
 from lighting.photo.reader import TARGET, Photo
-from lighting.photo_estimate import Estimate, render_map
+from lighting.photo_estimate import Estimate, compute_map_probe, render_map
 from lighting.records import Lighting
 from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import zip_scene
@@ -165,8 +165,7 @@ def encode_probe(service: Service, source: bytes | Lighting, query: queries.Prob
     """
     view = query.view()
     if isinstance(source, Lighting):
-        with trace_step("map"):
-            probe = compute_light_probe(light_of_map(source, view), sun=view.sun, yaw=view.yaw)
+        probe = compute_map_probe(source, view)
     else:
         probe = _edit(service, source, query).probe(view)
     with trace_step("encode"):

@@ -149,17 +149,14 @@ def _render(
     if photo is None:
         _refuse_place(view, user_input, model)
     from lighting.envmap.relighting import adjust_lighting
-    from lighting.photo_estimate import render_map
+    from lighting.photo_estimate import compute_map_probe, render_map
 
     lighting = stored or console.read_lighting(record)
     estimate = None if photo is None else estimate_file(photo, user_input, model).replace(lighting=lighting)
     context = None if estimate is None else estimate.context(view)
     _write_map(name, render_map(lighting, view) if estimate is None else estimate.render(view), file)
-    light, probe = adjust_lighting(lighting, view.adjustments), None
-    if as_json:
-        from lighting.light_probe import compute_light_probe
-
-        probe = compute_light_probe(light, context, sun=view.sun)
+    light = adjust_lighting(lighting, view.adjustments)
+    probe = compute_map_probe(lighting, view.of_record(), context) if as_json else None
     console.print_estimate(record, light, (), {"output": name}, probe=probe, as_json=as_json, quiet=quiet)
     if photo is None and view.around != Around.PLAIN and not quiet:
         click.echo("Sky only: the place needs the photo (--photo PHOTO).", err=True)
@@ -239,11 +236,11 @@ def _light_probe(
 
 def _probe_of_record(source: str, view: MapOptions, user_input: "UserInput", model: str | None) -> "LightProbe":
     from lighting.fusion.user_input import NO_USER_INPUT
-    from lighting.light_probe import compute_light_probe
+    from lighting.photo_estimate import compute_map_probe
 
     if model is not None or view.around is not None or user_input != NO_USER_INPUT:
         raise click.UsageError("A record holds the light already; leave out the options about a photo.")
-    return compute_light_probe(console.read_lighting(source), sun=view.sun)
+    return compute_map_probe(console.read_lighting(source), view)
 
 
 def _file_of(file: FileOptions, output: str) -> FileOptions:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -195,7 +195,7 @@ class PhotoOptions:
         from lighting.envmap.relighting import adjust_lighting
 
         light = adjust_lighting(answer.lighting, self.view.adjustments)
-        probe = answer.probe(replace(self.view, yaw=0.0, sky=None)) if self.as_json else None
+        probe = answer.probe(self.view.of_record()) if self.as_json else None
         crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
         console.print_estimate(photo, light, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
 
