@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,7 +47,7 @@ MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # when a run is resumed: 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """Everything a training run depends on besides the data; config.json has the same names. Paths become absolute."""
+    """Everything a training run depends on besides the data; config.json has the same names."""
 
     data: str  # folder of panoramas
     labels: str  # CSV of `python -m export label`
@@ -79,13 +79,14 @@ class TrainConfig:
     checkpoint_minutes: float = 4.0
 
     def __post_init__(self) -> None:
-        for name in ("data", "labels", "start"):
-            object.__setattr__(self, name, _absolute(getattr(self, name)))
-        object.__setattr__(self, "teachers", tuple(map(_absolute, self.teachers)))  # JSON has them as a list
+        object.__setattr__(self, "teachers", tuple(self.teachers))  # JSON has them as a list
 
-
-def _absolute(path: str) -> str:
-    return str(Path(path).resolve()) if path else ""
+    def resolve_paths(self) -> "TrainConfig":
+        """Return the settings with absolute paths: equal ones are equal, however they were written."""
+        data, labels, start, *teachers = (
+            str(Path(path).resolve()) if path else "" for path in (self.data, self.labels, self.start, *self.teachers)
+        )
+        return replace(self, data=data, labels=labels, start=start, teachers=tuple(teachers))
 
 
 _NARROW = 0.6  # share of the run from which sun targets are as narrow as they get

@@ -187,11 +187,11 @@ def _earlier_commits(config: TrainConfig) -> list[str]:
     if "merged" in record:
         read = f"{config.out} holds a network that was read back from a file"
         raise DataError(f"{read}; give it as --start and choose another --out.")
-    now = asdict(config)
+    now = asdict(config.resolve_paths())
     if unknown := record["config"].keys() - now.keys():
         what = f"a setting that is unknown here, {min(unknown)}"
         raise DataError(f"{config.out} holds a run with {what}; choose another --out.")
-    then = asdict(TrainConfig(**record["config"]))
+    then = asdict(TrainConfig(**record["config"]).resolve_paths())
     changed = [name for name in now if name not in MAY_CHANGE and then[name] != now[name]]
     if changed:
         raise DataError(f"{config.out} holds a run with another {' and '.join(changed)}; choose another --out.")

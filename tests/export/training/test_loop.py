@@ -115,6 +115,7 @@ def test_a_path_may_be_written_another_way_when_a_run_is_resumed(
     monkeypatch.chdir(folder.parent)
     relative = replace(short, data=folder.name, labels=f"{folder.name}/../{folder.name}/labels.csv")
     assert _earlier_commits(relative) == _earlier_commits(short)
+    assert relative.data == folder.name  # as it was written, for a folder that moves with its data
     monkeypatch.chdir(tmp_path)
     with pytest.raises(DataError, match="another data and labels"):
         _earlier_commits(replace(short, data=folder.name, labels=f"{folder.name}/labels.csv"))
