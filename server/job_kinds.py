@@ -253,13 +253,13 @@ def _unpack(archive: Path, max_bytes: int) -> list[str]:
 
 @contextmanager
 def _zip_errors() -> Iterator[None]:
-    """Say that a ZIP is none, unless the disk is full: each way of packing has errors of its own."""
+    """Say that a ZIP is none, unless the disk failed: each way of packing has errors of its own."""
     try:
         yield
     except (LightingError, MemoryError):
         raise
     except Exception as error:
-        if _is_disk_full(error):
+        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):  # bz2's, and of a wrong offset
             raise
         raise _UploadError("The upload is no ZIP that can be read.") from error
 

@@ -45,7 +45,7 @@ _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"
 _TEXT_SUFFIXES = frozenset({".html", ".css", ".js", ".svg", ".tsv"})  # pictures and tables are compressed already
-_KEPT_FILES = 64  # gzipped copies in memory, more than the page has texts
+_KEPT_FILES = 128  # gzipped copies in memory, more than page and book have texts
 _CACHE_A_DAY = "public, max-age=86400"
 _CACHE_FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 

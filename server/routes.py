@@ -78,9 +78,8 @@ class _TaggedRoute(FormRoute):
         async def tag_answer(request: Request) -> Response:
             response = await handle(request)
             if response.status_code == 200 and "ETag" not in response.headers:
-                response.headers["ETag"] = await to_thread.run_sync(
-                    responses.tag_bytes, response.body
-                )  # a large file takes long
+                tag = await to_thread.run_sync(responses.tag_bytes, response.body)  # a large file takes long
+                response.headers["ETag"] = tag
             return response
 
         return tag_answer

@@ -12,6 +12,7 @@ from contextlib import AsyncExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 from urllib.parse import urljoin
 
 import anyio
@@ -505,6 +506,16 @@ def test_a_damaged_zip_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
             damaged += str(error) == "The upload is no ZIP that can be read."
         shutil.rmtree("photos", ignore_errors=True)
     assert damaged > 50
+
+
+def test_a_disk_that_fails_is_not_the_zips_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with zipfile.ZipFile("p.zip", "w") as source:
+        source.writestr("a.jpg", bytes(300))
+    error = OSError(errno.EIO, "Input/output error")
+    monkeypatch.setattr(zipfile.ZipExtFile, "read", Mock(side_effect=error))
+    with pytest.raises(OSError, match="Input/output error"):
+        job_kinds._unpack(Path("p.zip"), 10_000)
 
 
 HOSTILE_LINES = (
