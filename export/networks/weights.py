@@ -147,12 +147,14 @@ def averaged_weights(folder: Path) -> dict[str, Tensor]:
 
 
 def read_network(folder: Path) -> nn.Module:
-    """The averaged network of a training folder, ready to answer.
+    """The averaged network of a training folder, ready to answer; DataError for one from before version 1.3.
 
     Args:
         folder: of a run.
     """
     weights = averaged_weights(folder)
+    if not any(name.startswith(("seen.", "trunk.")) for name in weights):
+        raise DataError(f"{folder} holds a network from before version 1.3, which tells nothing of a sun in view.")
     network = make_network(read_spec(folder), weights)
     load_weights(network, weights)
     return network.eval()

@@ -35,6 +35,10 @@ class Reference:
     lies: bool = False
     """Whether it lies on the ground, where any two points of the ground do."""
 
+    def __post_init__(self) -> None:
+        for name in ("start", "end"):  # also of a list or an array
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+
 
 @dataclass(frozen=True)
 class LevelLines:

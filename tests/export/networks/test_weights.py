@@ -39,6 +39,15 @@ def test_the_network_that_is_read_is_ready_to_answer(trained: Path) -> None:
         torch.testing.assert_close(network(photo).sun, expected.eval()(photo).sun)
 
 
+def test_a_network_that_tells_nothing_of_a_sun_in_view_is_refused(
+    trained: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weights = {name: value for name, value in averaged_weights(trained).items() if not name.startswith("seen.")}
+    monkeypatch.setattr("export.networks.weights.averaged_weights", lambda _: weights)
+    with pytest.raises(DataError, match=r"before version 1\.3"):
+        read_network(trained)
+
+
 def record(crops: int, **more: Any) -> dict[str, Any]:
     config = {"crops": crops, "licensed_only": False, "pretrained": True, "data": "here", "labels": "l", "out": "o"}
     spec = json.loads(network_specs("1.0.0")["outdoor"].to_json())

@@ -216,6 +216,7 @@ def test_drawn_lines_move_with_the_border() -> None:
     moved = DrawnCamera((0.0, 12.0, 2.0, 14.0), ((4.0, 16.0, 6.0, 18.0),), known=known)
     assert move_drawn(drawn, -1.0, 10.0) == moved
     assert move_drawn(Reference((1.0, 2.0), (3.0, 4.0), 1.8), -1.0, 10.0) == Reference((0.0, 12.0), (2.0, 14.0), 1.8)
+    assert move_drawn(Reference(np.array([1.0, 2.0]), [3, 4], 1.8), -1.0, 10.0).end == (2, 14)  # type: ignore[arg-type]
     assert move_drawn((1, 2), -1.0, 10.0) == (0, 12)
     assert move_drawn(None, -1.0, 10.0) is None
 
