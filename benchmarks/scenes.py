@@ -56,7 +56,7 @@ from lighting.geometry import (
 )
 from lighting.photo.reader import Photo
 from lighting.preview.drawing import TextStyle, draw_text
-from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centers
+from lighting.preview.spheres import DIFFUSE, VERTICAL_FOV, limit_elevation, render_spheres, sphere_centers
 from lighting.records import Lighting
 from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import write_scene
@@ -153,15 +153,15 @@ def preview(scene: Scene, *, alone: bool = False) -> tuple[NDArray[np.uint8], Pi
     """Our own three spheres in the same light; the right one is diffuse, and `alone` it has the ground for itself."""
     width, height = SIZE
     lighting = scene.lighting
-    pitch = float(np.clip(lighting.camera_elevation, *PITCH))
-    centers = sphere_centers(width / height, pitch)
+    elevation = limit_elevation(lighting)
+    centers = sphere_centers(width / height, elevation)
     if alone:
         centers[:DIFFUSE, 0] -= 1000.0
     linear = render_spheres(render(lighting, 1024), lighting, width, height, 2, centers)
     picture = Picture(
         linear,
         VERTICAL_FOV,
-        pitch,
+        elevation,
         0.0,
         np.zeros(3),
         centers[DIFFUSE],

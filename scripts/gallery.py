@@ -21,7 +21,7 @@ from lighting.preview.spheres import (
     build_sphere_scene,
     draw_sphere_scene,
     insert_balls,
-    limit_pitch,
+    limit_elevation,
     sphere_centers,
 )
 
@@ -62,7 +62,7 @@ class _Look:
 def _look_at(photo: Path) -> _Look:
     found = estimate(photo)
     envmap, light = found.envmap(_MAP_ROWS), found.lighting
-    centers = sphere_centers(4 / 3, limit_pitch(light))
+    centers = sphere_centers(4 / 3, limit_elevation(light))
     return _Look(
         read_photo(photo, target=_PHOTO_SIDE).pixels,
         found,

@@ -182,27 +182,25 @@ def _map_in_processes(
         while running:
             for connection in wait([worker.connection for worker in running]):
                 worker = next(w for w in running if w.connection is connection)
-                item, answer = worker.item, None
+                item = worker.item
                 try:
-                    answer = worker.connection.recv()
+                    answer, died = worker.connection.recv(), False
                 except (EOFError, OSError):
+                    answer, died = None, True
+                if isinstance(answer, Exception):
+                    raise answer
+                if died or not _assign(worker, todo):
                     running.remove(worker)
                     _dismiss([worker])
+                if died:
                     deaths[item] += 1
                     if item is None and deaths[item] == _ATTEMPTS:
                         status = worker.process.exitcode
-                        raise BatchError(f"A worker process died while it started (exit status {status}).") from None
+                        raise BatchError(f"A worker process died while it started (exit status {status}).")
                     running.append(_start(prepare))
-                    if item is not None and deaths[item] < _ATTEMPTS:
-                        todo.appendleft(item)
-                        continue
-                else:
-                    if isinstance(answer, Exception):
-                        raise answer
-                    if not _assign(worker, todo):
-                        running.remove(worker)
-                        _dismiss([worker])
-                if item is not None:
+                if died and item is not None and deaths[item] < _ATTEMPTS:
+                    todo.appendleft(item)
+                elif item is not None:
                     yield item, answer
     finally:
         _dismiss(running)

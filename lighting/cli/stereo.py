@@ -180,7 +180,11 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 
 class _NormalsCommand(Command):
-    renamed = {**OLD_OPTIONS, "--pitch": "--camera-elevation", "--roll": "--camera-roll"}  # noqa: RUF012 - of the class above
+    renamed = {  # noqa: RUF012 - of the class above
+        **OLD_OPTIONS,
+        "--pitch": "--camera-elevation",
+        "--roll": "--camera-roll",
+    }
 
 
 @_stereo.command(

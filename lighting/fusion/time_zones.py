@@ -157,7 +157,7 @@ def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
 
 
 # How a photo tells its clock's offset from UTC; the first that answers counts. A brand's rule asks `camera_make`.
-# Wrong GPS times are no case for a rule: `read_metadata` leaves them out, for others ask for them, too.
+# Wrong GPS times are no case for a rule: `read_metadata` leaves them out, since more than the offset comes from them.
 OFFSET_RULES: dict[str, Callable[[PhotoMetadata], float | None]] = {
     "offset in the file": attrgetter("utc_offset"),
     "GPS": _offset_by_gps,

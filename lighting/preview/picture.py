@@ -33,7 +33,7 @@ from lighting.preview.spheres import (
     build_sphere_scene,
     draw_sphere_scene,
     insert_balls,
-    limit_pitch,
+    limit_elevation,
     sphere_centers,
 )
 from lighting.records import MIN_SUITABLE, Lighting, SunCandidate, describe_candidates, describe_trust
@@ -186,7 +186,7 @@ def _sphere_scenes(
     envmap: NDArray[np.float32], lighting: Lighting, box: _Box
 ) -> tuple[SphereScene, SphereScene | None]:
     """The spheres of a panel, and those that stand in the photo; None: none do."""
-    centers = sphere_centers(box.width / box.height, limit_pitch(lighting))
+    centers = sphere_centers(box.width / box.height, limit_elevation(lighting))
     scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
     return scene, scene if lighting.sun_irradiance is not None and lighting.spot_pixel is not None else None
 

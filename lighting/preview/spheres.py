@@ -45,7 +45,7 @@ _LEVEL = -1e-4  # vertical part of a unit ray, below which it meets the ground
 _FOOT_SHADE = 0.7  # share of the surrounding light that does not reach a sphere where it touches the ground
 
 VERTICAL_FOV = 40.0  # deg
-PITCH = (-20.0, -5.0)  # deg, range of the camera's elevation that keeps ground and sky in view
+_ELEVATION_RANGE = (-20.0, -5.0)  # deg, range of the camera's elevation that keeps ground and sky in view
 _SPACING = 2.6  # between neighboring centers, in radii
 _CENTER_HEIGHT = 0.60  # of the middle sphere in the picture, 0 = top, 1 = bottom
 _PICTURE_WIDTH = 8.6  # at the spheres' distance, in radii
@@ -127,7 +127,7 @@ def render_spheres(
         supersampling: rays per pixel and side, where neighboring pixels differ; else one.
         centers: (3, 3) of the spheres from the camera, on one level; None for those of `sphere_centers`.
     """
-    centers = sphere_centers(width / height, limit_pitch(lighting)) if centers is None else centers
+    centers = sphere_centers(width / height, limit_elevation(lighting)) if centers is None else centers
     scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
     even, uneven, fine = _sample_scene(scene, lighting, width, height, supersampling)
     blocks = np.empty((height, width, supersampling, supersampling, 3), dtype=np.float32)
@@ -155,7 +155,7 @@ def _sample_scene(
     scene: SphereScene, lighting: Lighting, width: int, height: int, parts: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
     """Radiance (height, width, 3) of a ray a pixel, where neighbors differ, and that of parts (N, parts, parts, 3)."""
-    camera = Pinhole(width, height, VERTICAL_FOV, elevation=limit_pitch(lighting))
+    camera = Pinhole(width, height, VERTICAL_FOV, elevation=limit_elevation(lighting))
     even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
     uneven = _is_uneven(even) if parts > 1 else np.zeros((height, width), dtype=bool)
     step, (row, column) = (np.arange(parts) + 0.5) / parts, np.nonzero(uneven)
@@ -196,13 +196,13 @@ def _is_bent(before: Floats, middle: Floats, after: Floats) -> NDArray[np.bool_]
     return np.asarray(red | green | blue)
 
 
-def limit_pitch(lighting: Lighting) -> float:
+def limit_elevation(lighting: Lighting) -> float:
     """The elevation of the scene's camera in deg: the photo's, as far as the ground stays in view.
 
     Args:
         lighting: the camera's elevation.
     """
-    return float(np.clip(lighting.camera_elevation, *PITCH))
+    return float(np.clip(lighting.camera_elevation, *_ELEVATION_RANGE))
 
 
 def sphere_centers(aspect: float, elevation: float) -> NDArray[np.float32]:
